@@ -39,7 +39,7 @@ def _lines(rows: list[str]) -> Iterator[str]:
 
 def _paragraph(rows: list[str]) -> list[str]:
     """The lines of one paragraph or list item."""
-    lead = found[0] if (found := ITEM.match(rows[0])) else ""
+    lead = marker[0] if (marker := ITEM.match(rows[0])) else ""
     body = " ".join(row.strip() for row in rows)[len(lead.strip()) :].strip()
     lines = textwrap.wrap(
         body,

@@ -46,8 +46,8 @@ class Lighting:
     def of(cls, appearances: Sequence[Appearance]) -> Lighting | None:
         """The common lighting of all appearances; None where they are not all isosurfaces, or are lit differently."""
         surfaces = [a for a in appearances if isinstance(a, Isosurface)]
-        found = {cls(a.color, *(float(getattr(a, name)) for name in STRENGTHS)) for a in surfaces}
-        return found.pop() if len(found) == 1 and len(surfaces) == len(appearances) else None
+        lightings = {cls(a.color, *(float(getattr(a, name)) for name in STRENGTHS)) for a in surfaces}
+        return lightings.pop() if len(lightings) == 1 and len(surfaces) == len(appearances) else None
 
     @classmethod
     def from_json(cls, values: Mapping[str, Any]) -> Lighting:

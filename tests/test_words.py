@@ -24,7 +24,6 @@ PLACES = (
 ALLOWED = (
     "catalogs",
     "surrogate",
-    "research",
 )
 
 

@@ -1,4 +1,4 @@
-"""What every benchmark shares: its command line, and tables between the markers of a page in docs/, with what made them."""
+"""Command line and tables of every benchmark: tables stand between the markers of a page in docs/, with their command."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from surrogate.provenance import machine
 
 PROJECT = Path(__file__).resolve().parents[2]
 DOCS = PROJECT / "docs"
-CODE = ("surrogate", "catalogs", "research/benchmarks")  # folders that decide what is measured of a surrogate
+CODE = ("surrogate", "catalogs", "research/benchmarks")  # folders that a surrogate's measurements depend on
 
 
 def command_line(name: str, about: str | None) -> argparse.ArgumentParser:
@@ -28,7 +28,7 @@ def command_line(name: str, about: str | None) -> argparse.ArgumentParser:
 
 
 def stopwatch() -> Callable[[str], None]:
-    """Says on stderr what is being done, with the seconds since now."""
+    """A function that reports progress on stderr, with the seconds since now."""
     started = time.perf_counter()
     return lambda text: print(f"[{time.perf_counter() - started:5.0f} s] {text}", file=sys.stderr, flush=True)
 
@@ -40,7 +40,7 @@ def made_by(command: str, *folders: str, on: str = "", environment: str = "") ->
 
 
 def page_in(output: Path, name: str) -> Path:
-    """The page `name` of docs/ in the folder `output`, which begins with what docs/ has."""
+    """The page `name` of docs/ in the folder `output`, initially a copy of that in docs/."""
     output.mkdir(parents=True, exist_ok=True)
     if output != DOCS:
         durable.replace(output / name, (DOCS / name).read_bytes())
@@ -64,7 +64,7 @@ def titled(title: str, body: str) -> str:
 
 
 def fill(page: Path, part: str, body: str) -> None:
-    """Let `body` stand between the markers of `part` in `page`, which is written whole; the rest stays as it is.
+    """Write `body` between the markers of `part` in `page`; the rest stays as it is.
 
     The markers are `<!-- PART: begin -->` and `<!-- PART: end -->`, each once; raises ValueError where one is missing.
     """
@@ -79,8 +79,8 @@ def fill(page: Path, part: str, body: str) -> None:
 
 def commit(*folders: str) -> str:
     """The last commit that changed any of the project's `folders`, with "+dirty" where they have changed since."""
-    found = _git("log", "-1", "--format=%h", "--", *folders)
-    return f"{found}+dirty" if _git("status", "--porcelain", "--", *folders) else found or "unknown"
+    revision = _git("log", "-1", "--format=%h", "--", *folders)
+    return f"{revision}+dirty" if _git("status", "--porcelain", "--", *folders) else revision or "unknown"
 
 
 def _git(*arguments: str) -> str:
@@ -93,9 +93,9 @@ def _git(*arguments: str) -> str:
 
 
 def write_parts(page: Path, parts: Mapping[str, Callable[[], str]], made: str, say: Callable[[str], None]) -> list[str]:
-    """Measure each part and write it to `page`, with what `made` it beneath, before the next begins.
+    """Measure each part and write it to `page`, with the line `made` beneath, before the next begins.
 
-    Returns the names of the parts that failed; their tracebacks are shown, and what the page says of them stays.
+    Returns the names of failed parts; their tracebacks are shown, and their text on the page stays.
     """
     failed = []
     for name, measure in parts.items():

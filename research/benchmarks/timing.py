@@ -1,4 +1,4 @@
-"""How long a call takes: the median of several in one run, beside the fastest and the slowest."""
+"""Time of a call: the median of several in one run, with the fastest and the slowest."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ class MeasuredTime(NamedTuple):
 
     @classmethod
     def of(cls, milliseconds: Sequence[float]) -> MeasuredTime:
-        """The summary of at least one measurement."""
+        """The summary of one or more measurements."""
         return cls(statistics.median(milliseconds), min(milliseconds), max(milliseconds))
 
     def __str__(self) -> str:
@@ -46,7 +46,7 @@ def processor_seconds(call: Callable[[], object]) -> float:
 
 
 def measured(call: Callable[[], object], seconds: float, *, least: int = 3, most: int = 100) -> MeasuredTime:
-    """The times of `least` to `most` calls, as many as fit into `seconds`; an untimed one goes before."""
+    """Times of `least` to `most` calls, as many as fit into `seconds`, after an untimed one."""
     call()
     ends = time.perf_counter() + seconds
     taken: list[float] = []
@@ -56,7 +56,7 @@ def measured(call: Callable[[], object], seconds: float, *, least: int = 3, most
 
 
 def measured_in_turn(calls: Sequence[Callable[[], object]], seconds: float, *, least: int = 3) -> list[MeasuredTime]:
-    """The times of several calls that always follow each other in this order, each sequence timed as a whole in the last entry."""
+    """Times of several calls that always follow each other in this order; the last entry is for the whole sequence."""
     rounds: list[list[float]] = []
     for call in calls:
         call()

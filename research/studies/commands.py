@@ -75,17 +75,17 @@ def repeat(scene: Path, runs: Path, records: Path | None, seeds: int, engine: st
         reached = "" if psnr is None else f"{psnr:.2f} dB at unseen views and parameters, "
         click.echo(f"seed {scores.seed}: {reached}trained in {scores.seconds:.0f} s")
 
-    kept = "what is trained and scored is kept, and the same command goes on"
-    with one_line_errors(RuntimeError, interrupted=kept), line, studied.engine_at(engine, line) as hands:
+    resumed = "what is trained and scored is kept, and the same command goes on"
+    with one_line_errors(RuntimeError, interrupted=resumed), line, studied.engine_at(engine, line) as hands:
         of_scene = opened.settings, opened.catalog, opened.folder
-        found = run(*of_scene, records=studied.records, seeds=seeds, engine=hands, progress=line, tell=tell)
+        scores = run(*of_scene, records=studied.records, seeds=seeds, engine=hands, progress=line, tell=tell)
     opened.keep_record()
-    summary = summarize_repeats(found)
+    summary = summarize_repeats(scores)
     if summary is not None:
-        click.echo(f"mean ± standard deviation over {len(found)} seeds")
+        click.echo(f"mean ± standard deviation over {len(scores)} seeds")
         for text in terminal_lines(summary):
             click.echo(f"  {text}")
-    click.echo(write_page(opened.folder, opened.name, str(opened.source), found))
+    click.echo(write_page(opened.folder, opened.name, str(opened.source), scores))
 
 
 @click.command()
@@ -129,8 +129,8 @@ def ablate(
         done = f"{result.psnr:.2f} dB after {result.steps:,} steps in {result.seconds:.0f} s"
         click.echo(f"{result.variant}, seed {result.seed}: {result.error or done}")
 
-    kept = "finished fits are kept, and the same command goes on with the others"
-    with one_line_errors(RuntimeError, interrupted=kept):
+    resumed = "finished fits are kept, and the same command goes on with the others"
+    with one_line_errors(RuntimeError, interrupted=resumed):
         experiment: Experiment = (
             VisualizationExperiment(opened.settings, opened.catalog, load_surrogate(opened.model))
             if visualization
@@ -217,11 +217,11 @@ def compare(
         line.close()
         click.echo(f"{method}, {rate:g} times its rates: {'diverged' if psnr is None else f'{psnr:.2f} dB'}")
 
-    kept = "what was done is kept, and the same command goes on"
+    resumed = "what was done is kept, and the same command goes on"
     names = [name.strip() for given in methods for name in given.split(",")]
-    with one_line_errors(RuntimeError, interrupted=kept), line, studied.engine_at(engine, line) as hands:
-        asked = comparing.RunOptions(names, comparing.times_of(minutes), seeds, **form)
-        study = comparing.study_of(opened.name, opened.catalog, opened.folder, studied.records, asked, line)
+    with one_line_errors(RuntimeError, interrupted=resumed), line, studied.engine_at(engine, line) as hands:
+        options = comparing.RunOptions(names, comparing.times_of(minutes), seeds, **form)
+        study = comparing.study_of(opened.name, opened.catalog, opened.folder, studied.records, options, line)
         if tune:
             comparing.tune_all(opened.name, study, line, tell_rate, hands)
             return
@@ -233,7 +233,7 @@ def compare(
         try:
             study.run(line, tell, hands)
         except OutOfTime:
-            raise RuntimeError(f"stopped after {form['stop_after']:g} minutes, before the end: {kept}") from None
+            raise RuntimeError(f"stopped after {form['stop_after']:g} minutes, before the end: {resumed}") from None
         click.echo(comparing.write_page(opened.name, study))
 
 
@@ -287,13 +287,13 @@ def stress(backend: str, drift: bool, output: Path) -> None:
         click.echo(f"{said}  {name}  {outcome.case.name}  {'; '.join(outcome.complaints)}")
 
     with one_torch_thread():
-        found = tables(options, tell)
+        outcomes = tables(options, tell)
         functions = [check_function(case) for case in function_cases()]
         for one in functions:
             tell("values", one)
         drifted = measure_drift(backend) if drift else None
-    write(output, found, drifted, functions)
-    missed = [outcome.case.name for rows in found.values() for outcome in rows if not outcome.passed]
+    write(output, outcomes, drifted, functions)
+    missed = [outcome.case.name for rows in outcomes.values() for outcome in rows if not outcome.passed]
     missed += [outcome.case.name for outcome in functions if not outcome.passed]
     missed += drifted.complaints if drifted else ()
     click.echo(f"{output / PAGE}: {'all rows hold' if not missed else f'{len(missed)} rows are missed'}")

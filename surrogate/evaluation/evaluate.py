@@ -149,14 +149,16 @@ class _Engine:
         """Scores of the surrogate's test images by cell, and of validation images; some of `looked_into` by perceptual
         metrics too."""
         few = {group[i] for group in looked_into for i in spread(len(group), MOST_PERCEPTUAL)}
-        cases, told = [*all_cases(cells), *validation], partial(self.progress, stage)
+        cases, progress = [*all_cases(cells), *validation], partial(self.progress, stage)
         predictor = SurrogatePredictor(self.surrogate.at, self.catalog.plan.background)
-        [found] = score_cases(predictor, self.catalog, cases, perceptual=self.perceptual, looked_at=few, progress=told)
-        return by_cell(cells, found), [found[case] for case in validation]
+        [scores] = score_cases(
+            predictor, self.catalog, cases, perceptual=self.perceptual, looked_at=few, progress=progress
+        )
+        return by_cell(cells, scores), [scores[case] for case in validation]
 
     def at_center(self, stage: str, cells: CaseCells) -> Cells:
         """Scores of the same test images, with the simulation's parameters at their centre."""
-        middle, told = self.surrogate.space.middle, partial(self.progress, stage)
+        middle, progress = self.surrogate.space.middle, partial(self.progress, stage)
         if not middle:
             return {}
 
@@ -164,16 +166,16 @@ class _Engine:
             return {**middle, **case.varied}
 
         frozen = SurrogatePredictor(self.surrogate.at, self.catalog.plan.background, asked, (AT_CENTER,))
-        [found] = score_cases(frozen, self.catalog, all_cases(cells), progress=told)
-        return by_cell(cells, found)
+        [scores] = score_cases(frozen, self.catalog, all_cases(cells), progress=progress)
+        return by_cell(cells, scores)
 
-    def baselines(self, stage: str, predictor: Predictor, groups: CaseGroups, **known: Any) -> list[Baseline]:
-        """Scores of a predictor on named groups of images, where it can predict them; `known` is stated for all its names."""
-        cases, told = [case for group in groups.values() for case in group], partial(self.progress, stage)
-        scores = score_cases(predictor, self.catalog, cases, progress=told)
+    def baselines(self, stage: str, predictor: Predictor, groups: CaseGroups, **facts: Any) -> list[Baseline]:
+        """Scores of a predictor on named groups of images, where it can predict them; `facts` are stated for all its names."""
+        cases, progress = [case for group in groups.values() for case in group], partial(self.progress, stage)
+        scores = score_cases(predictor, self.catalog, cases, progress=progress)
         return [
-            Baseline(name, {g: [found[c] for c in group if c in found] for g, group in groups.items()}, **known)
-            for name, found in zip(predictor.names, scores, strict=True)
+            Baseline(name, {g: [scores_of[c] for c in group if c in scores_of] for g, group in groups.items()}, **facts)
+            for name, scores_of in zip(predictor.names, scores, strict=True)
         ]
 
     def variation(self, visualization: Visualization) -> VariedEvaluation:
@@ -207,7 +209,9 @@ class _Engine:
             return []
         stage, pictures = "trivial predictors of settings", SettingPictures(variation)
         counts = {name: [len(pictures.shown(case.member)) for case in group] for name, group in groups.items()}
-        shown = {name: (min(found), max(found)) for name, of in counts.items() if (found := list(filter(None, of)))}
+        shown = {
+            name: (min(present), max(present)) for name, of in counts.items() if (present := list(filter(None, of)))
+        }
         mixtures = Mixtures(self.catalog, pictures, setting_rules(len(variation.space), variation.plural))
 
         def at_nearest(case: Case) -> dict[str, float | str]:

@@ -70,9 +70,9 @@ class SeenValues:
 
     def novelty(self, function: TransferFunction) -> float:
         """Share, 0 to 1, of the visible amount under `function` that training did not show; 0 if it shows nothing."""
-        asked = extinctions(function, self.edges)  # [K]
-        shown = float(self.frequency @ asked)
-        new = np.maximum(asked - MAGNIFIED * self.extinctions, 0.0)  # [K]
+        extinction = extinctions(function, self.edges)  # [K]
+        shown = float(self.frequency @ extinction)
+        new = np.maximum(extinction - MAGNIFIED * self.extinctions, 0.0)  # [K]
         return float(self.frequency @ new) / shown if shown > 0.0 else 0.0
 
     def quantile(self, function: TransferFunction, share: float) -> float:
@@ -88,13 +88,13 @@ def trained_functions(catalog: Catalog, surrogate: Surrogate) -> tuple[list[Tran
 
     Empty where the base appearance is another kind than a volume rendering.
     """
-    known = {a.name: a for a in catalog.plan.appearances if isinstance(a, VolumeRendering)}
-    base = known.get(str(surrogate.training.get("appearance", "")))
+    renderings = {a.name: a for a in catalog.plan.appearances if isinstance(a, VolumeRendering)}
+    base = renderings.get(str(surrogate.training.get("appearance", "")))
     if base is None:
         return [], ""
     variations = [v.variation for v in surrogate.visualizations if v.variation.edits_base]
     names = [base.name, *(name for v in variations if v.base == base.name for name in v.named("train"))]
-    return [known[name].transfer_function for name in names if name in known], field_of(base)
+    return [renderings[name].transfer_function for name in names if name in renderings], field_of(base)
 
 
 def extinctions(function: TransferFunction, edges: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -43,8 +43,8 @@ class Scored:
 
     def value(self, metric: str) -> float:
         """A metric of `score` or `perceptual`, by name; nan if missing."""
-        found = getattr(self.perceptual if metric in PERCEPTUAL_METRICS else self.score, metric, None)
-        return math.nan if found is None else float(found)
+        value = getattr(self.perceptual if metric in PERCEPTUAL_METRICS else self.score, metric, None)
+        return math.nan if value is None else float(value)
 
 
 Cells = Mapping[str, Mapping[str, Sequence[Scored]]]  # by row and column of a table
@@ -90,21 +90,21 @@ def score_cases(
         metrics = perceptual if case in looked_at else None
         return [compare(case, truth, picture, background, metrics) for picture in draw(case)]
 
-    found: dict[Case, list[Scored]] = {}
+    by_case: dict[Case, list[Scored]] = {}
     waiting: Iterable[tuple[Case, list[Scored]]] = ()
     with ThreadPoolExecutor(2) as pool:
         for batch, draw in predictor.batches(cases):  # the next batch is prepared while this one is scored
-            found |= waiting
-            progress(len(found), len(cases))
+            by_case |= waiting
+            progress(len(by_case), len(cases))
             waiting = zip(batch, pool.map(scored, batch, repeat(draw)), strict=True)
-        found |= waiting
-    progress(len(found), len(cases))
-    return [{case: found[case][k] for case in cases if case in found} for k, _ in enumerate(predictor.names)]
+        by_case |= waiting
+    progress(len(by_case), len(cases))
+    return [{case: by_case[case][k] for case in cases if case in by_case} for k, _ in enumerate(predictor.names)]
 
 
-def by_cell(cells: CaseCells, found: Mapping[Case, Scored]) -> Cells:
+def by_cell(cells: CaseCells, scores: Mapping[Case, Scored]) -> Cells:
     """The scores by cell; `found` has all their images."""
-    return each_cell(cells, lambda group: [found[case] for case in group])
+    return each_cell(cells, lambda group: [scores[case] for case in group])
 
 
 def spread(count: int, most: int) -> list[int]:

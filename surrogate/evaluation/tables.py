@@ -165,13 +165,13 @@ def center_table(record: Mapping[str, Any], names: tuple[str, str]) -> list[str]
 
 def validation_line(record: Mapping[str, Any], what: str) -> str:
     """Scores of a record's validation images, and the number of images behind choices; `what` describes them."""
-    found, decided = record["validation"], record.get("decided_on") or {}
+    parts, decided = record["validation"], record.get("decided_on") or {}
     uses = [
         f"{decided[use]} such images {verb}"
         for use, verb in (("choices", "decided the choices about the model"), ("watched", "were watched in training"))
         if decided.get(use)
     ]
-    text = f"Validation ({found['images']} images{what}): {number(found['psnr'])} dB, SSIM {number(found['ssim'], 4)}."
+    text = f"Validation ({parts['images']} images{what}): {number(parts['psnr'])} dB, SSIM {number(parts['ssim'], 4)}."
     return f"{text}  {' and '.join(uses)}." if uses else text
 
 

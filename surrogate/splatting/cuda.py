@@ -50,17 +50,17 @@ def usable_device(device: str | torch.device) -> torch.device:
     Raises ValueError for what is neither, RuntimeError saying what is missing where there is no such GPU here.
     """
     try:
-        found = torch.device(device)
+        chosen = torch.device(device)
     except (RuntimeError, TypeError):
-        found = torch.device("meta")
-    if found.type not in ("cpu", "cuda"):
+        chosen = torch.device("meta")
+    if chosen.type not in ("cpu", "cuda"):
         raise ValueError(f'device must be "cpu" or "cuda", which draw Gaussians, got {str(device)!r}')
-    if found.type == "cuda":
+    if chosen.type == "cuda":
         count = torch.cuda.device_count()
-        reason = unusable() or (f"there are {count}, counted from 0" if (found.index or 0) >= count else "")
+        reason = unusable() or (f"there are {count}, counted from 0" if (chosen.index or 0) >= count else "")
         if reason:
-            raise RuntimeError(f'the device "{found}" can\'t be used: {reason}')
-    return found
+            raise RuntimeError(f'the device "{chosen}" can\'t be used: {reason}')
+    return chosen
 
 
 def render(primitives: Primitives, camera: Camera, constants: Constants) -> Rendering:

@@ -36,8 +36,8 @@ class KernelFunction:
     def __call__(self, *tensors: Tensor) -> Tensor:
         """The result, differentiable once where gradients are wanted."""
         if torch.is_grad_enabled():
-            found: Tensor = _Differentiable.apply(self, *tensors)
-            return found
+            result: Tensor = _Differentiable.apply(self, *tensors)
+            return result
         return self.of(tensors)
 
     def of(self, tensors: Sequence[Tensor]) -> Tensor:
@@ -56,8 +56,8 @@ class _Differentiable(torch.autograd.Function):
     def backward(ctx: Any, *gradients: Tensor) -> tuple[Tensor | None, ...]:
         require_no_second_derivative(ctx.function.name, ctx.function.reference)
         arrays = [tensor.detach().numpy() for tensor in ctx.saved_tensors]
-        found = ctx.function.gradient(gradients[0].numpy(), *arrays)
-        return None, *(torch.from_numpy(array) for array in found)
+        by_tensors = ctx.function.gradient(gradients[0].numpy(), *arrays)
+        return None, *(torch.from_numpy(array) for array in by_tensors)
 
 
 def kernel_takes(position: Tensor, *tensors: Tensor) -> bool:

@@ -19,14 +19,14 @@ def cores() -> int:
     `kernel_threads` overrides it. A process that forks shares its cores among the children already. Processes that
     `torchrun` starts on one machine share its cores.
     """
-    told = _kernel_threads.get()
-    if told is not None:
-        return told
+    override = _kernel_threads.get()
+    if override is not None:
+        return override
     if os.getpid() != PROCESS:
         return 1
-    found = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    available = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
     together = os.environ.get("LOCAL_WORLD_SIZE", "1") if "TORCHELASTIC_RUN_ID" in os.environ else "1"
-    return max(1, found // int(together))
+    return max(1, available // int(together))
 
 
 @contextmanager

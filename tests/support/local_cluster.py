@@ -1,4 +1,4 @@
-"""A Dask scheduler and worker processes on this machine, which can be killed."""
+"""A Dask scheduler and worker processes on this machine, for tests that kill them."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 PROJECT = Path(__file__).resolve().parents[2]
-# Workers that are killed often; their own watchdogs and dashboards are left out.
+# Workers without watchdogs and dashboards.
 SETTINGS = {"DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES": "20", "DASK_DISTRIBUTED__ADMIN__TICK__LIMIT": "1h"}
 
 
 @dataclass
 class LocalCluster:
-    """`address` for `--engine`; workers without nannies, so that one that is killed stays dead."""
+    """`address` for `--engine`; workers have no nannies, so a killed one stays dead."""
 
     address: str
     scheduler: subprocess.Popen[bytes]

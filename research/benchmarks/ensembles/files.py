@@ -2,9 +2,9 @@
 
     python -m research.benchmarks.ensembles.files [--members 20] [--size 64] [--formats vti npy ...]
 
-Writes its files into a temporary folder.  Pictures are tiny (12 views of 8 x 8 pixels of one isosurface), so that reading shows.
-A few minutes; every format is rendered by one worker process of its own, whose peak memory is compared between a quarter of the
-members and all: what is read and forgotten leaves it as it was.
+Writes its files into a temporary folder. Images are tiny (12 views of 8 x 8 pixels of one isosurface), so that reading
+dominates. A run takes a few minutes. Each format is rendered by one worker process of its own. Its peak memory is
+compared between a quarter of the members and all, and must stay the same.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ PATTERN = "run_{{width}}.{suffix}"
 
 
 def blob(width: float, size: int) -> NDArray[np.float32]:
-    """A Gaussian blob with a ripple that no compression takes away, (z, y, x)."""
+    """A Gaussian blob with a ripple that does not compress, (z, y, x)."""
     axis = np.linspace(-1.0, 1.0, size, dtype=np.float32)
     squares = axis[:, None, None] ** 2 + axis[:, None] ** 2 + axis**2
     noise = np.random.default_rng(0).random((size,) * 3, dtype=np.float32)
@@ -73,8 +73,8 @@ def write(folder: Path, suffix: str, members: int, size: int) -> float:
     """Files of one format; returns the megabytes of one."""
     for width in np.linspace(0.2, 0.6, members):
         WRITERS[suffix](folder / f"run_{width:.4f}.{suffix}", blob(float(width), size))
-    held = [path for path in folder.rglob("*") if path.is_file()]
-    return sum(path.stat().st_size for path in held) / members / 1e6
+    files = [path for path in folder.rglob("*") if path.is_file()]
+    return sum(path.stat().st_size for path in files) / members / 1e6
 
 
 def render(folder: Path, suffix: str, members: int) -> dict[str, float]:
@@ -111,7 +111,7 @@ def measure(suffix: str, members: int, size: int) -> list[str]:
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         megabytes = write(folder, suffix, members, size)
-        found = []
+        runs = []
         for count in (max(2, members // 4), members):
             command = [
                 sys.executable,
@@ -123,8 +123,8 @@ def measure(suffix: str, members: int, size: int) -> list[str]:
                 str(count),
             ]
             done = subprocess.run(command, cwd=PROJECT, capture_output=True, text=True, check=True)
-            found.append(json.loads(done.stdout.splitlines()[-1]))
-    few, all_ = found
+            runs.append(json.loads(done.stdout.splitlines()[-1]))
+    few, all_ = runs
     return [
         f".{suffix}",
         digits(megabytes),

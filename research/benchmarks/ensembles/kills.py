@@ -1,9 +1,9 @@
-"""Ensembles on a Dask cluster whose workers are killed: while they render, and between finishing a member and its being gathered.
+"""Ensembles on a Dask cluster whose workers are killed while they render, and before finished members are gathered.
 
     python -m research.benchmarks.ensembles.kills [--kills 50] [--members 10]
 
-Renders small ensembles one after the other until enough workers were killed, each with SIGKILL and replaced by a new one, and
-fails unless every member is there once, whole, and nothing else.
+Renders small ensembles one after the other until enough workers were killed. Each is killed with SIGKILL and replaced.
+Fails unless every member is there once, whole, and nothing else.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from insitu.ensembles.ensemble import EnsembleResult, run_ensemble
 from insitu.members.planning import PlanOptions
 from tests.support.local_cluster import LocalCluster, local_cluster
 
-WAIT_SECONDS = 60.0  # for an occasion to kill; then it is left to the next
+WAIT_SECONDS = 60.0  # wait for an opportunity to kill
 SPACE = ParameterSpace((Parameter("w", 0.0, 1.0),))
 VOLUME = VolumeRendering(
     "dvr", TransferFunction(((0.0, 0.0, 0.0, 1.0), (1.0, 1.0, 0.0, 0.0)), ((0.2, 0.0), (1.0, 0.6)), 0.3)
@@ -64,7 +64,7 @@ def planned(count: int) -> list[PlannedMember]:
 
 @dataclass
 class Killer:
-    """The `progress` of an ensemble: nothing is gathered while it waits for an occasion to kill a worker, or kills one."""
+    """The `progress` of an ensemble; gathering pauses while it waits for an opportunity to kill a worker."""
 
     workers: LocalCluster
     engine: Cluster
@@ -91,11 +91,11 @@ class Killer:
         return len(list((self.catalog / "members").iterdir()))
 
     def _holder(self) -> str:
-        """The address of a worker that holds the result of a finished task, which nobody has asked for."""
+        """The address of a worker that holds the result of a finished task which is not gathered yet."""
         return next((address for address, keys in self.engine.client.has_what().items() if keys), "")
 
     def _renderer(self) -> str:
-        """That of a worker at work, while a member is half written."""
+        """The address of a busy worker, while a member is half written."""
         if not list(self.catalog.glob(".unfinished/*/dvr/*")):
             return ""
         busy = [address for address, keys in self.engine.client.processing().items() if keys]
@@ -117,17 +117,20 @@ def _pid() -> int:
 
 
 def killed_ensemble(workers: LocalCluster, catalog: Path, members: int, kills: int) -> tuple[EnsembleResult, Killer]:
-    """An ensemble of `members` while up to `kills` workers are killed; raises RuntimeError unless each member is there once."""
+    """Render an ensemble of `members` while up to `kills` workers are killed; raises RuntimeError unless each member is
+    there once."""
     with opened(workers.address, [catalog]) as engine:
         assert engine is not None
         killer = Killer(workers, engine, catalog, kills)
         result = run_ensemble(catalog, planned(members), Blobs(), OPTIONS, engine=engine, progress=killer)
     wanted = [member.name for member in planned(members)]
     stored = [member.name for member in Catalog.open(catalog).members]
-    told = sorted([*(m.name for m in result.rendered), *result.skipped])
+    reported = sorted([*(m.name for m in result.rendered), *result.skipped])
     wrong = [str(problem) for problem in check(catalog)]
-    if result.failures or stored != wanted or told != wanted or wrong:
-        raise RuntimeError(f"{catalog}: stored {stored}, told {told}, failed {dict(result.failures)}, wrong {wrong}")
+    if result.failures or stored != wanted or reported != wanted or wrong:
+        raise RuntimeError(
+            f"{catalog}: stored {stored}, reported {reported}, failed {dict(result.failures)}, wrong {wrong}"
+        )
     return result, killer
 
 

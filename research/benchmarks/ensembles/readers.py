@@ -2,9 +2,9 @@
 
     python -m research.benchmarks.ensembles.readers [--sizes 64 256] [--codes amrex cloverleaf ...]
 
-Writes one file of each code and size into a temporary folder (up to 0.5 GB), and reads one array of it, in a process of its own
-each: ours with its checks and its regular grid, and the library's array alone; the fastest of several times counts.  About three
-minutes.
+Writes one file of each code and size into a temporary folder (up to 0.5 GB), and reads one array of it. Every reader
+runs in a process of its own: ours with its checks and its regular grid, and the library's for the array alone. The
+fastest of several times counts. Takes about three minutes.
 """
 
 from __future__ import annotations
@@ -34,16 +34,16 @@ from tests.support.cloverleaf_files import e12_4
 from tests.support.mpas_files import globe, write_output
 from tests.support.xcompact3d_files import write_snapshot
 
-EVERY = 0.005  # seconds between two looks at the memory
-MOST_TIMES, LASTING = 9, 5.0  # how often it is read at most, and seconds after which it is not read again
+EVERY = 0.005  # seconds between memory samples
+MOST_TIMES, LASTING = 9, 5.0  # most readings, and seconds after which they end
 BOX = 64  # cells along an axis of AMReX's boxes
 
 
 @dataclass(frozen=True)
 class Code:
-    """How a code's file of size³ values is written; what the library is called that reads it, and how.
+    """A simulation code: writing a file of size³ values, and the library that reads it.
 
-    `index` is of the state that our reader takes, `sampling` by the size how it resamples.
+    `index` is that of the state for our reader, `sampling` gives its resampling by size.
     """
 
     write: Callable[[Path, int], Path]
@@ -99,13 +99,13 @@ def write_xcompact3d(folder: Path, size: int) -> Path:
 
 
 def read_numpy(path: Path) -> Any:
-    """As the code's toolbox does."""
+    """Read a file as the code's toolbox does."""
     data = np.fromfile(path.with_name("u-0001.bin"), dtype="<f8")
     return data.reshape((round(len(data) ** (1 / 3)),) * 3, order="F").T
 
 
 def write_mpas(folder: Path, size: int) -> Path:
-    """As many cells as a level of the grid has samples, of half the layers that a cube would have."""
+    """As many cells as a level of the grid has samples, with half the layers of a cube."""
     made = globe(size * size // 2, relax=2)
     made.arrays["maxLevelCell"][1][:] = size
     field = np.random.default_rng(0).random((1, len(made.ocean), size))
@@ -163,19 +163,19 @@ CODES = {
 
 
 def read(code: str, path: Path, size: int, ours: bool) -> dict[str, float]:
-    """In a process of its own: the fewest seconds to read an array when all is loaded, and megabytes at the peak."""
+    """Measure in a separate process: the fewest seconds to read an array once everything is loaded, and peak megabytes."""
     from insitu.readers.files import read_data
 
-    known = CODES[code]
+    definition = CODES[code]
 
     def once(path: Path, size: int) -> Any:
         if not ours:
-            return known.read(path)
-        how: dict[str, Any] = {"reader": code, "index": known.index, "sampling": known.sampling(size)}
-        return read_data(path, array=known.array, **how).values
+            return definition.read(path)
+        how: dict[str, Any] = {"reader": code, "index": definition.index, "sampling": definition.sampling(size)}
+        return read_data(path, array=definition.array, **how).values
 
-    with tempfile.TemporaryDirectory() as name:  # a small one first, so that everything is loaded
-        once(known.write(Path(name), 8), 8)
+    with tempfile.TemporaryDirectory() as name:  # a small file first, to load all modules
+        once(definition.write(Path(name), 8), 8)
     with Memory() as memory:
         total = float(once(path, size).sum())
     seconds, begun = [], time.perf_counter()
@@ -187,7 +187,7 @@ def read(code: str, path: Path, size: int, ours: bool) -> dict[str, float]:
 
 
 class Memory:
-    """The most megabytes that this process and those that it has started take while it is entered, beyond those before."""
+    """Peak megabytes of this process and its children within the context, beyond those before."""
 
     def __enter__(self) -> Memory:
         self._before = self._now()
@@ -205,8 +205,8 @@ class Memory:
             self.peak = max(self.peak, self._now() - self._before)
 
     def _now(self) -> float:
-        found = psutil.Process()
-        return sum(map(_resident, [found, *found.children()])) / 1e6
+        process = psutil.Process()
+        return sum(map(_resident, [process, *process.children()])) / 1e6
 
 
 def _resident(process: psutil.Process) -> int:
@@ -220,8 +220,8 @@ def measure(code: str, size: int) -> list[str]:
     """One row of the table."""
     with tempfile.TemporaryDirectory() as name:
         path = CODES[code].write(Path(name), size)
-        megabytes = sum(held.stat().st_size for held in Path(name).rglob("*") if held.is_file()) / 1e6
-        found = []
+        megabytes = sum(file.stat().st_size for file in Path(name).rglob("*") if file.is_file()) / 1e6
+        times = []
         for who in ("ours", "theirs"):
             command = [
                 sys.executable,
@@ -234,8 +234,8 @@ def measure(code: str, size: int) -> list[str]:
                 who,
             ]
             done = subprocess.run(command, cwd=PROJECT, capture_output=True, text=True, check=True)
-            found.append(json.loads(done.stdout.splitlines()[-1]))
-    ours, theirs = found
+            times.append(json.loads(done.stdout.splitlines()[-1]))
+    ours, theirs = times
     return [
         code,
         f"{size}³",

@@ -1,10 +1,10 @@
-"""How well the explorer's expected error agrees with what is measured at test members.
+"""Agreement of the explorer's expected error with measurements at test members.
 
     python -m research.benchmarks.explorer.expectation [RUN ...] [--views 8] [--write]
 
-Each RUN is a folder such as runs/tgv-tf; by default all of the five trained scenes that are there.  Prints Markdown.  By the first
-table the number of neighbours was chosen: each measurement, without its member and setting, from the others.  The second is a
-report only: test members, in the base appearance and all settings that they show, at test views.
+Each RUN is a folder such as runs/tgv-tf, by default all trained ones of the five scenes. Prints Markdown. The first
+table led to the number of neighbours: each measurement is predicted from the others, without its member and setting.
+The second is a report only: test members, in the base appearance and all their settings, at test views.
 """
 
 from __future__ import annotations
@@ -34,14 +34,14 @@ TRIED = (1, 2, 3, 4, 5, 8, 15)
 
 @dataclass(frozen=True, eq=False)
 class ExpectationAgreement:
-    """At T test members and appearances.
+    """Expected and measured errors at T test members and appearances.
 
     Attributes
     ----------
     expected, measured : (T,) dB, the latter the mean over views.
-    said : (T,) the mean absolute difference to single pictures that the expectation announced, dB.
-    single : (T,) what it was.
-    distances : (T,) to the nearest training member.
+    said : (T,) the announced mean absolute difference to single images, dB.
+    single : (T,) the measured one, dB.
+    distances : (T,) distances to the nearest training member.
     """
 
     expected: NDArray[np.float64]
@@ -52,7 +52,7 @@ class ExpectationAgreement:
 
 
 def agreements(run: Run, expectation: Expectation, views: int) -> dict[str, ExpectationAgreement]:
-    """By family, at `views` test views of each test member and appearance."""
+    """Agreements by family, at `views` test views of each test member and appearance."""
     rows: dict[str, list[tuple[float, ...]]] = {}
     surrogate, catalog = run.surrogate, run.catalog
     for member in (m for m in run.members if m.split == "test"):
@@ -65,16 +65,16 @@ def agreements(run: Run, expectation: Expectation, views: int) -> dict[str, Expe
             expected, deformed = expectation.at(setting, surrogate), setting.gaussians(surrogate)
             if expected.psnr is None or expected.training_distance is None:
                 continue
-            found = [psnr_of(deformed, catalog, member, appearance, view) for view in chosen]
+            scores = [psnr_of(deformed, catalog, member, appearance, view) for view in chosen]
             family = "isosurfaces" if "isovalue" in varied else "transfer functions" if varied else "base"
-            single = float(np.abs(np.array(found) - expected.psnr).mean())
-            row = (expected.psnr, float(np.mean(found)), expected.error or np.nan, single, expected.training_distance)
+            single = float(np.abs(np.array(scores) - expected.psnr).mean())
+            row = (expected.psnr, float(np.mean(scores)), expected.error or np.nan, single, expected.training_distance)
             rows.setdefault(family, []).append(row)
     return {family: ExpectationAgreement(*np.array(values).T) for family, values in rows.items()}
 
 
 def chosen_by(run: str, expectation: Expectation, surrogate: Surrogate) -> list[list[str]]:
-    """Rows of the first table: mean absolute difference of what was left out for each number of neighbours."""
+    """Rows of the first table: mean absolute difference of left-out measurements for each number of neighbours."""
     families = {nearest: families_of(expectation.measured, surrogate, nearest) for nearest in TRIED}
     rows = []
     for family, measured in families[NEAREST].items():
@@ -90,7 +90,7 @@ def _left_out(measured: MeasuredFamily) -> str:
     return f"{np.nanmean(np.abs(differences)):.2f}" if np.isfinite(differences).any() else ""
 
 
-def reported(run: str, found: Mapping[str, ExpectationAgreement]) -> list[list[str]]:
+def reported(run: str, agreements: Mapping[str, ExpectationAgreement]) -> list[list[str]]:
     """Rows of the second table."""
     return [
         [
@@ -104,7 +104,7 @@ def reported(run: str, found: Mapping[str, ExpectationAgreement]) -> list[list[s
             _correlation(a.expected, a.measured),
             _correlation(a.distances, a.measured),
         ]
-        for family, a in found.items()
+        for family, a in agreements.items()
     ]
 
 

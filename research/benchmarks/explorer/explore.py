@@ -1,10 +1,10 @@
-"""How fast the explorer answers to the hand, measured in the browser by what it shows.
+"""Latency and frame rate of the explorer, measured in a browser.
 
     python -m research.benchmarks.explorer.explore RUN [--seconds 4] [--interactions 10000] [--write]
 
-Starts `surrogate explore RUN` as a person would, opens it in the system's Chromium without a window, moves the mouse over the
-picture, a slider and, where the model follows one, the transfer function, and counts the frames that come onto the screen.
-Prints Markdown.  The browser draws on the same processor: nothing else should run.
+Starts `surrogate explore RUN` and opens it in the system's headless Chromium. It moves the mouse over the image, a
+slider and, if the model follows one, the transfer function, and counts the frames on the screen. Prints Markdown. The
+browser draws on the same processor: nothing else should run.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from surrogate.provenance import machine
 from tests.support.browsers import FLAGS, find_browser
 
 SESSIONS = 4
-SETTLES = 12  # times that the hand rests
+SETTLES = 12  # pauses of the mouse
 WATCH = """() => {
   window.seen = [];
   window.touched = 0;
@@ -45,7 +45,7 @@ WATCH = """() => {
 
 @dataclass(frozen=True)
 class FrameRate:
-    """Frames per second that were shown, and the longest time between two, in milliseconds."""
+    """Frames per second, and the longest time between two frames in milliseconds."""
 
     frames: float
     longest: float
@@ -53,7 +53,7 @@ class FrameRate:
 
 @contextmanager
 def serving(program: str, command: str, target: Path) -> Iterator[tuple[str, psutil.Process, float]]:
-    """A running `surrogate explore` or `catalogs browse`: its address, its process, and when the command was given."""
+    """A running `surrogate explore` or `catalogs browse`: its address, its process, and its start time."""
     started = time.perf_counter()
     process = subprocess.Popen(
         [str(Path(sys.executable).with_name(program)), command, str(target)], stdout=subprocess.PIPE, text=True
@@ -61,17 +61,17 @@ def serving(program: str, command: str, target: Path) -> Iterator[tuple[str, psu
     try:
         assert process.stdout is not None
         said = process.stdout.readline()
-        found = re.search(r"http://\S+", said)
-        if found is None:
+        match = re.search(r"http://\S+", said)
+        if match is None:
             raise RuntimeError(f"{program} {command} did not start: {said!r}")
-        yield found.group(), psutil.Process(process.pid), started
+        yield match.group(), psutil.Process(process.pid), started
     finally:
         process.terminate()
         process.wait(timeout=30)
 
 
 def opened(browser: Browser, address: str) -> Page:
-    """A tab in a profile of its own, once it shows a picture."""
+    """A tab in a profile of its own, once it shows an image."""
     page = browser.new_context(viewport={"width": 1280, "height": 800}).new_page()
     page.goto(address)
     page.wait_for_function("() => document.documentElement.dataset.shown")
@@ -98,7 +98,7 @@ def rate_of(page: Page, path: Callable[[float], tuple[float, float]], seconds: f
     begun = time.perf_counter()
     while (t := time.perf_counter() - begun) < seconds:
         page.mouse.move(*path(t))
-        time.sleep(0.008)  # a mouse says where it is some hundred times a second
+        time.sleep(0.008)  # a mouse reports some hundred positions a second
     times = [shown for shown, _ in page.evaluate("window.seen") if shown > start]
     page.mouse.up()
     gaps = [later - earlier for earlier, later in itertools.pairwise(times)]
@@ -106,8 +106,8 @@ def rate_of(page: Page, path: Callable[[float], tuple[float, float]], seconds: f
 
 
 def rest_times(page: Page, selector: str) -> list[float]:
-    """Milliseconds from the last movement to the whole frame."""
-    found = []
+    """Milliseconds from the last movement to the full frame."""
+    times = []
     for number in range(SETTLES):
         path = around(page, selector)
         page.mouse.move(*path(number))
@@ -116,24 +116,24 @@ def rest_times(page: Page, selector: str) -> list[float]:
             page.mouse.move(*path(number + step / 40))
             time.sleep(0.008)
         page.wait_for_timeout(600)
-        found.append(page.evaluate("window.seen.find(([t, whole]) => whole && t > window.touched)[0] - window.touched"))
+        times.append(page.evaluate("window.seen.find(([t, whole]) => whole && t > window.touched)[0] - window.touched"))
         page.mouse.up()
         page.wait_for_timeout(200)
         page.evaluate("window.seen = []")
-    return found
+    return times
 
 
 def handles(page: Page) -> dict[str, str]:
-    """What a hand can hold, by what it changes."""
-    found = {"view": "#stage", "simulation parameter": "#parameter-0"}
+    """Draggable elements by what they change."""
+    selectors = {"view": "#stage", "simulation parameter": "#parameter-0"}
     for kind, selector in (("isovalue", "#isovalue"), ("transfer_function", ".transfer .handle >> nth=1")):
         if page.locator(f"#kind-{kind}").count():
-            found[kind.replace("_", " ")] = selector
-    return found
+            selectors[kind.replace("_", " ")] = selector
+    return selectors
 
 
 def show(page: Page, name: str) -> None:
-    """Bring the handle into sight."""
+    """Scroll the element into view."""
     tab = page.locator(f"#kind-{name.replace(' ', '_')}")
     if tab.count():
         tab.click()
@@ -141,7 +141,7 @@ def show(page: Page, name: str) -> None:
 
 
 def grown(page: Page, process: psutil.Process, count: int) -> tuple[float, float]:
-    """Megabytes that the program holds after a tenth of `count` interactions, and after all of them."""
+    """Megabytes of the process after a tenth of `count` interactions, and after all of them."""
     path, early = around(page, "#stage"), 0.0
     page.mouse.move(*path(0.0))
     page.mouse.down()
@@ -155,7 +155,7 @@ def grown(page: Page, process: psutil.Process, count: int) -> tuple[float, float
 
 
 def together(browser: Browser, address: str, seconds: float) -> list[FrameRate]:
-    """The rates of several tabs that are all moved at once, by keys of their own pages."""
+    """Frame rates of several tabs that are all moved at once, by scripts in their pages."""
     pages = [opened(browser, address) for _ in range(SESSIONS)]
     for page in pages:
         page.evaluate("""() => {
@@ -169,13 +169,13 @@ def together(browser: Browser, address: str, seconds: float) -> list[FrameRate]:
           }, 16);
         }""")
     time.sleep(seconds)
-    found = []
+    rates = []
     for page in pages:
         times = [t for t, _ in page.evaluate("(clearInterval(window.moving), window.seen)")]
         gaps = [later - earlier for earlier, later in itertools.pairwise(times)]
-        found.append(FrameRate(len(times) / seconds, max(gaps, default=math.inf)))
+        rates.append(FrameRate(len(times) / seconds, max(gaps, default=math.inf)))
         page.context.close()
-    return found
+    return rates
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -195,7 +195,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         with serving("surrogate", "explore", given.run) as (address, process, started):
             page = opened(browser, address)
             rows.append(["first picture after the command", f"{time.perf_counter() - started:.1f} s", ""])
-            page.wait_for_timeout(12_000)  # what to expect is measured once, beside the first frames
+            page.wait_for_timeout(12_000)  # expected errors are measured once, beside the first frames
             for name, selector in handles(page).items():
                 show(page, name)
                 rate = rate_of(page, around(page, selector), given.seconds)

@@ -1,4 +1,4 @@
-"""The pictures of the README: the explorer and the catalog's page, as a browser shows them.
+"""Screenshots for the README and docs: the explorer and the catalog's page in a browser.
 
     python -m research.benchmarks.explorer.screenshots [--runs runs]
 
@@ -23,7 +23,7 @@ STILL = "() => window.explorer?.resting && /^(?!Measuring)./.test(document.getEl
 
 
 def taken(browser: Browser, address: str, state: dict[str, object], wait: str, target: Path) -> None:
-    """A picture of the page at `address` in a state, once `wait` is true there."""
+    """A screenshot of the page at `address` in a state, once `wait` is true there."""
     page = browser.new_page(viewport=SIZE)
     page.goto(f"{address}#{urlencode(state)}")
     page.wait_for_function(wait, timeout=60_000)
@@ -34,7 +34,7 @@ def taken(browser: Browser, address: str, state: dict[str, object], wait: str, t
 
 
 def explored(browser: Browser, runs: Path) -> None:
-    """The explorer's three modes."""
+    """Screenshots of the explorer's three modes."""
     curve = {"a.show": "transfer_function", "a.c1_value": 1, "a.c2_value": -1.5, "a.c2_opacity": 0.15, "a.p.Re": 1830}
     with serving("surrogate", "explore", runs / "tgv-tf") as (address, _, _):
         taken(browser, address, curve, STILL, DOCS / "explorer.png")
@@ -56,7 +56,7 @@ def explored(browser: Browser, runs: Path) -> None:
 
 
 def browsed(browser: Browser, runs: Path) -> None:
-    """The catalog's page, with a brush on its parallel coordinates."""
+    """A screenshot of the catalog's page, with a brush on its parallel coordinates."""
     with serving("catalogs", "browse", runs / "cloverleaf" / "catalog.cdb") as (address, _, _):
         page = browser.new_page(viewport=SIZE)
         page.goto(address)

@@ -1,8 +1,8 @@
-"""Run docs/tutorial.ipynb and keep what its cells show.
+"""Run docs/tutorial.ipynb and store the outputs of its cells.
 
     python -m research.benchmarks.explorer.tutorial [--output FILE]
 
-About a minute on two cores.  What the notebook writes goes into a temporary folder.
+Takes about a minute on two cores. The notebook's files go into a temporary folder.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     import nbformat
 
 NOTEBOOK = DOCS / "tutorial.ipynb"
-LIVE = "live"  # the tag of cells whose output is worth nothing without their kernel
+LIVE = "live"  # tag of cells whose output needs their kernel
 SECONDS = 600  # for one cell
 
 
@@ -41,8 +41,8 @@ def executed(notebook: nbformat.NotebookNode, folder: Path) -> nbformat.Notebook
     return done
 
 
-def kept(notebook: nbformat.NotebookNode) -> nbformat.NotebookNode:
-    """The notebook without what changes from run to run or machine to machine: times of cells, versions, live frames."""
+def reproducible(notebook: nbformat.NotebookNode) -> nbformat.NotebookNode:
+    """The notebook without outputs that change between runs or machines: times of cells, versions, live frames."""
     import nbformat
 
     for cell in notebook.cells:
@@ -64,7 +64,7 @@ def main() -> None:
     output = parser.parse_args().output
     notebook = nbformat.read(NOTEBOOK, as_version=4)
     with tempfile.TemporaryDirectory() as folder:
-        nbformat.write(kept(executed(notebook, Path(folder))), output)
+        nbformat.write(reproducible(executed(notebook, Path(folder))), output)
     print(output)
 
 

@@ -1,12 +1,12 @@
-"""What a dump costs the loop, in time and memory, when its pictures are drawn in the background and when the loop waits for them.
+"""Cost of a dump for the simulation loop, in time and memory: rendering in the background, and waiting for the images.
 
     LP_NUM_THREADS=0 python -m research.benchmarks.hook.background [--sizes 64,128,256,512] [--views 42] [--dumps 5]
 
-Each row is of its own process.  Three kinds of loop: "float32" and "float64" keep a plain array, "halo" passes the inner part of an
-array with a border of two, as solvers hold them.  Milliseconds are the median of the dumps after the first (which takes new memory,
-and is given apart), with room in the queue; the loop is idle between dumps, as if its steps took as long as rendering does.
-Megabytes are the peak resident memory of the loop's process above what it had before the first dump (Python and the field), which
-leaves out the shared memory: that is one field for each member held, two by default.
+Each row has its own process. Three kinds of loop: "float32" and "float64" keep a plain array; "halo" passes the inner
+part of an array with a border of two, as solvers store fields. Milliseconds are the median of the dumps after the
+first, which allocates memory and is given separately, with room in the queue. The loop is idle between dumps, as if its
+steps took as long as rendering. Megabytes are the peak resident memory of the loop's process above that before the
+first dump (Python and the field). They exclude the shared memory: one field for each queued member, two by default.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ def field_of(kind: str, size: int) -> np.ndarray:
 
 
 def loop(kind: str, size: int, views: int, dumps: int, background: bool) -> dict[str, float]:
-    """Milliseconds of the first dump and of the later ones, and megabytes, in this process."""
+    """Milliseconds of the first dump and of later ones, and megabytes, in this process."""
     from catalogs.vocabulary.appearance import TransferFunction, VolumeRendering
     from catalogs.vocabulary.scene import ViewPlan
     from insitu.hook.session import Session
@@ -82,9 +82,9 @@ def loop(kind: str, size: int, views: int, dumps: int, background: bool) -> dict
 
 
 def measured(kind: str, size: int, views: int, dumps: int, background: bool) -> dict[str, float]:
-    """The same in a fresh process."""
-    asked = [kind, size, views, dumps, background]
-    command = [sys.executable, "-m", "research.benchmarks.hook.background", "--one", json.dumps(asked)]
+    """The measurements of `loop` in a fresh process."""
+    arguments = [kind, size, views, dumps, background]
+    command = [sys.executable, "-m", "research.benchmarks.hook.background", "--one", json.dumps(arguments)]
     ran = subprocess.run(command, check=True, stdout=subprocess.PIPE, text=True)
     return json.loads(ran.stdout.splitlines()[-1])
 
@@ -108,9 +108,9 @@ def main(sizes: str, views: int, dumps: int, one: str | None) -> None:
         for kind in KINDS:
             apart = measured(kind, size, views, dumps, True)
             waiting = measured(kind, size, views, 2, False)
-            held = size**3 * (8 if kind == "float64" else 4) / 1e6
+            megabytes = size**3 * (8 if kind == "float64" else 4) / 1e6
             cells = [apart["first"], apart["later"], apart["megabytes"], waiting["later"], waiting["megabytes"]]
-            click.echo(f"| {kind} | {size}³ | {held:,.0f} | {' | '.join(map(digits, cells))} |")
+            click.echo(f"| {kind} | {size}³ | {megabytes:,.0f} | {' | '.join(map(digits, cells))} |")
     load = " ".join(f"{value:.0f}" for value in os.getloadavg())
     cores = len(psutil.Process().cpu_affinity())
     click.echo(f"\n{cores} cores ({platform.machine()}), load {load}, {views} views, medians of {dumps - 1} dumps")

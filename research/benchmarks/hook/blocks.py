@@ -1,9 +1,9 @@
-"""Pictures of a field in blocks: every rank draws its own, against one rank that gathers the field and draws it whole.
+"""Images of a field in blocks: every rank renders its own block, or one rank gathers and renders the field.
 
     python -m research.benchmarks.hook.blocks [--sizes 64 128] [--ranks 1 2 4 8] [--views 12] [--pixels 256]
 
-Prints a table of seconds and bytes, and the worst view's error against one rank.  Ranks that share cores wait for one another
-busily: seconds mean something for as many ranks as there are idle cores.  Needs mpi4py and mpiexec.
+Prints a table of seconds and bytes, and the worst view's error against one rank. Ranks that share cores wait for each
+other busily: seconds are meaningful for as many ranks as there are idle cores. Needs mpi4py and mpiexec.
 """
 
 from __future__ import annotations
@@ -48,21 +48,21 @@ def gyroid(size: int) -> NDArray[np.float32]:
 
 
 def cameras(views: int, pixels: int) -> list[Camera]:
-    """So many of the 252, evenly over them."""
+    """`views` of the 252 cameras, evenly spread."""
     every = orbit((0.0, 0.0, 0.0), 3.0**0.5, width=pixels, height=pixels)
     return [every[int((i + 0.5) * len(every) / views)] for i in range(views)]
 
 
 class CountedRanks:
-    """Ranks that count the bytes which they send to others."""
+    """Ranks that count the bytes they send to others."""
 
     def __init__(self, ranks: Any) -> None:
         self.ranks, self.number, self.size, self.bytes = ranks, ranks.number, ranks.size, 0
 
     def gather(self, value: Any) -> list[Any]:
         """See `insitu.mpi.ranks.Ranks`."""
-        found: list[Any] = self.ranks.gather(value)
-        return found
+        gathered: list[Any] = self.ranks.gather(value)
+        return gathered
 
     def fail(self, error: Exception) -> None:
         """See `insitu.mpi.ranks.Ranks`."""
@@ -71,12 +71,12 @@ class CountedRanks:
     def send(self, parts: Sequence[NDArray[np.uint8]]) -> list[NDArray[np.uint8]]:
         """See `insitu.mpi.ranks.Ranks`."""
         self.bytes += sum(part.size for rank, part in enumerate(parts) if rank != self.number)
-        found: list[NDArray[np.uint8]] = self.ranks.send(parts)
-        return found
+        received: list[NDArray[np.uint8]] = self.ranks.send(parts)
+        return received
 
 
 def in_blocks(ranks: CountedRanks, size: int, appearance: Appearance, views: Sequence[Camera]) -> dict[str, Any]:
-    """On rank 0 what drawing in blocks took and its pictures."""
+    """Cost and images of rendering in blocks, on rank 0."""
     from insitu.fields.blocks import Blocks
     from insitu.fields.location import FieldLocation
     from insitu.fields.member_fields import LocalField
@@ -97,16 +97,16 @@ def in_blocks(ranks: CountedRanks, size: int, appearance: Appearance, views: Seq
             seconds = time.perf_counter() - started
             return {"seconds": seconds, "pictures": pictures}
 
-        found: dict[str, Any] = run_on_root(ranks, work, blocks.commands)  # type: ignore[arg-type]
+        result: dict[str, Any] = run_on_root(ranks, work, blocks.commands)  # type: ignore[arg-type]
     sent = sum(ranks.gather(ranks.bytes))
     ranks.bytes = 0
-    return {**found, "sent": sent}
+    return {**result, "sent": sent}
 
 
 def gathered(
     ranks: CountedRanks, comm: Any, size: int, appearance: Appearance, views: Sequence[Camera]
 ) -> dict[str, Any]:
-    """The same where rank 0 is sent the field."""
+    """Cost and images where rank 0 receives the whole field."""
     from insitu.mpi.resampling import even_layout
     from render import render_views
     from render.blocks import Lattice
@@ -137,7 +137,7 @@ def gathered(
 
 
 def measure(sizes: Sequence[int], views: int, pixels: int, result: Path) -> None:
-    """What every rank does under mpiexec; rank 0 writes JSON, and the pictures beside it."""
+    """The work of every rank under mpiexec; rank 0 writes JSON, and the images beside it."""
     from mpi4py import MPI
 
     from insitu.mpi.ranks import Communicator
@@ -147,7 +147,7 @@ def measure(sizes: Sequence[int], views: int, pixels: int, result: Path) -> None
     for size in sizes:
         for name, appearance in SHOWN.items():
             shown = cameras(views, pixels)
-            in_blocks(ranks, 16, appearance, shown[:1])  # the first picture of a process takes seconds
+            in_blocks(ranks, 16, appearance, shown[:1])  # the first image of a process takes seconds
             blocks = in_blocks(ranks, size, appearance, shown)
             whole = gathered(ranks, comm, size, appearance, shown)
             if comm.rank == 0:
@@ -201,12 +201,12 @@ def main(sizes: tuple[int, ...], ranks: tuple[int, ...], views: int, pixels: int
         raise click.ClickException("no mpiexec is found: pip install mpi4py mpich")
     with tempfile.TemporaryDirectory() as scratch:
         for count in ranks:
-            asked = [f"--sizes={size}" for size in sizes] + [f"--views={views}", f"--pixels={pixels}"]
+            options = [f"--sizes={size}" for size in sizes] + [f"--views={views}", f"--pixels={pixels}"]
             program = [
                 sys.executable,
                 "-m",
                 "research.benchmarks.hook.blocks",
-                *asked,
+                *options,
                 f"--result={scratch}/{count}.json",
             ]
             environment = {**os.environ, "LP_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}

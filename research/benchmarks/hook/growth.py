@@ -1,10 +1,10 @@
-"""Whether a process that renders member after member grows: its resident memory and open files after few and after many.
+"""Growth of a process that renders many members: resident memory and open files after few and after many.
 
     python -m research.benchmarks.hook.growth [--members 2000] [--marks 200] [--folder DIR]
 
-One process renders tiny members, a blob of 8³ samples from 12 viewpoints of 16x16 pixels, through one `insitu.Session`, as a
-simulation does.  What it has at each mark, and at the end, is what the system counts (psutil), after a collection of garbage; what
-grows for each member between the first mark and the end is a leak, or what is kept of each.
+One process renders tiny members, a blob of 8³ samples from 12 viewpoints of 16x16 pixels, through one `insitu.Session`.
+At each mark and at the end, the system's counts (psutil) are read after a garbage collection. Growth per member between
+the first mark and the end is a leak.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ LOOK = insitu.VolumeRendering(
 
 @dataclass(frozen=True)
 class ProcessState:
-    """A process after so many members: resident memory in MB, open file descriptors, threads."""
+    """State of the process after `members` members: resident memory in MB, open file descriptors, threads."""
 
     members: int
     megabytes: float
@@ -48,8 +48,8 @@ class ProcessState:
 
 
 def states(path: Path, members: int, marks: Iterable[int]) -> list[ProcessState]:
-    """Render so many members into a new catalog; the process at each mark, and at the end."""
-    wanted, found = {*marks, members}, []
+    """Render `members` members into a new catalog; returns the state at each mark, and at the end."""
+    wanted, states_at_marks = {*marks, members}, []
     space = insitu.ParameterSpace((insitu.Parameter("width", 0.2, 0.8),))
     views = insitu.ViewPlan(frequency=1, width=16, height=16)
     axis = np.linspace(-1.0, 1.0, SIZE)
@@ -60,8 +60,8 @@ def states(path: Path, members: int, marks: Iterable[int]) -> list[ProcessState]
             field = np.exp(-distances / (2.0 * width**2)).astype(np.float32)
             session.render_member(field, {"width": width}, spacing=(2.0 / (SIZE - 1),) * 3)
             if number in wanted:
-                found.append(ProcessState.now(number))
-    return found
+                states_at_marks.append(ProcessState.now(number))
+    return states_at_marks
 
 
 @click.command()
@@ -71,17 +71,17 @@ def states(path: Path, members: int, marks: Iterable[int]) -> list[ProcessState]
     "--folder", type=click.Path(file_okay=False, path_type=Path), help="Where to write; a temporary folder by default."
 )
 def main(members: int, marks: str, folder: Path | None) -> None:
-    """Print the state of the process at each mark, and what it grew by for each member."""
+    """Print the state of the process at each mark, and its growth per member."""
     place = Path(tempfile.mkdtemp(dir=folder))
     try:
-        found = states(place / "growth.cdb", members, [int(mark) for mark in marks.split(",")])
+        history = states(place / "growth.cdb", members, [int(mark) for mark in marks.split(",")])
         click.echo(f"commit {commit()}")
-        for state in found:
+        for state in history:
             click.echo(
                 f"after {state.members:>6,} members: {state.megabytes:.1f} MB resident, {state.files} open files, "
                 f"{state.threads} threads"
             )
-        first, last = found[0], found[-1]
+        first, last = history[0], history[-1]
         if last.members > first.members:
             grown = 1e3 * (last.megabytes - first.megabytes) / (last.members - first.members)
             click.echo(f"{digits(grown)} KB for each member since the first mark")

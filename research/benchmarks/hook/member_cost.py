@@ -1,11 +1,10 @@
-"""What rendering one member costs: processor time, memory and disk, by the size of its field.
+"""Cost of rendering one member by the size of its field: processor time, memory and disk.
 
     python -m research.benchmarks.hook.member_cost [--sizes 64 128 256, ascending] [--pixels 256] [--members 3]
     [--for 10000] [--cores 200]
 
-Renders members of an analytic field from 252 viewpoints into a temporary folder, one process with one thread, and prints a table;
-and what so many members on so many cores come to, if each costs the same, which is an extrapolation and not a measurement.
-Minutes.
+Renders members of an analytic field from 252 viewpoints into a temporary folder, in one process with one thread, and
+prints a table. It also extrapolates to an ensemble on many cores at the same cost per member. Takes minutes.
 """
 
 from __future__ import annotations
@@ -37,7 +36,7 @@ DAY = 86400.0  # seconds
 
 @dataclass(frozen=True)
 class Cost:
-    """Of a member: processor seconds, bytes and files on disk."""
+    """Cost of a member: processor seconds, bytes and files on disk."""
 
     seconds: float
     bytes: int
@@ -53,9 +52,9 @@ def waves(size: int, phase: float) -> NDArray[np.float32]:
 
 
 def measure(size: int, pixels: int, members: int, folder: Path) -> Cost:
-    """The medians of so many members after a first one, which also plans the catalog."""
+    """Medians over `members` members after a first one, which also plans the catalog."""
     views = ViewPlan(width=pixels, height=pixels)
-    found = []
+    costs = []
     with Session(folder, space={"phase": (0.0, 10.0)}, appearances=LOOK, views=views) as session:
         for number in range(members + 1):
             field, results = waves(size, number), []
@@ -68,8 +67,8 @@ def measure(size: int, pixels: int, members: int, folder: Path) -> Cost:
 
             seconds, (result,) = processor_seconds(render), session.results[-1:]
             files = [path for path in result.path.rglob("*") if path.is_file()]
-            found.append(Cost(seconds, sum(f.stat().st_size for f in files), len(files)))
-    return Cost(*(statistics.median(getattr(cost, name) for cost in found[1:]) for name in Cost.__annotations__))
+            costs.append(Cost(seconds, sum(f.stat().st_size for f in files), len(files)))
+    return Cost(*(statistics.median(getattr(cost, name) for cost in costs[1:]) for name in Cost.__annotations__))
 
 
 def main() -> None:

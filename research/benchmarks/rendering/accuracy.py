@@ -1,4 +1,4 @@
-"""Measure rendering and write what was found into docs/rendering.md and docs/rendering.png.
+"""Measure rendering and write docs/rendering.md and docs/rendering.png.
 
     LP_NUM_THREADS=0 python -m research.benchmarks.rendering.accuracy [--machine "two shared cores"] [--parts hard]
 
@@ -48,7 +48,7 @@ Draw = Callable[[Camera], NDArray[Any]]
 Found = dict[str, list[tuple[float, float, float]]]  # per variant: sample distance in spacings, dB, ms
 
 
-# ---- what is rendered ----------------------------------------------------------------------------------------
+# ---- scenes ----------------------------------------------------------------------------------------------------
 
 
 @cache
@@ -76,7 +76,7 @@ def cameras(grid: Grid, size: int = 256) -> list[Camera]:
 
 
 class StockVolume:
-    """A volume as VTK draws it by itself: tabulated transfer functions, optionally a half-step start."""
+    """A volume by VTK's own mapper: tabulated transfer functions, optionally a half-step start."""
 
     def __init__(self, grid: Grid, appearance: VolumeRendering, distance: float, half_step: bool) -> None:
         from vtkmodules.vtkCommonDataModel import vtkPiecewiseFunction
@@ -124,7 +124,7 @@ def speed_against_error(appearance: VolumeRendering) -> Found:
     grid = member()
     views = [cameras(grid)[v] for v in VIEWS]
     truth = np.stack([converged(grid, appearance, camera, tolerance=2e-4)[0] for camera in views])
-    found: Found = {variant: [] for variant in VARIANTS}
+    results: Found = {variant: [] for variant in VARIANTS}
     for fraction in SPACINGS:
         distance = fraction * min(grid.spacing)
         for variant in VARIANTS:
@@ -133,9 +133,9 @@ def speed_against_error(appearance: VolumeRendering) -> Found:
             else:
                 volume = StockVolume(grid, appearance, distance, half_step=variant == VARIANTS[1])
             images = np.stack([volume.render(camera) for camera in views])
-            found[variant].append((fraction, psnr(images / 255.0, truth), processor_ms(volume.render, views)))
+            results[variant].append((fraction, psnr(images / 255.0, truth), processor_ms(volume.render, views)))
             volume.close()
-    return found
+    return results
 
 
 def processor_ms(draw: Draw, views: Sequence[Camera], repeats: int = 3) -> float:
@@ -145,7 +145,7 @@ def processor_ms(draw: Draw, views: Sequence[Camera], repeats: int = 3) -> float
 
 
 def throughput(processes: int) -> tuple[float, float]:
-    """(images per second over all processes, dB chosen for) for 252 views of a 64³ member each, set-up included."""
+    """(images per second over all processes, target dB) for 252 views of a 64³ member each, set-up included."""
     context = multiprocessing.get_context("spawn")
     ready, go = context.Barrier(processes + 1), context.Event()
     done = context.Queue()
@@ -182,7 +182,7 @@ def isosurface_row(resolution: int) -> list[str]:
 
 
 def smoothness() -> list[tuple[int, float, float]]:
-    """For each of `SAMPLES`: so many samples along each side of a pixel, PSNR (dB) on white, and processor ms per picture."""
+    """For each of `SAMPLES`: samples along each side of a pixel, PSNR (dB) on white, and processor ms per image."""
     grid, appearance = member(), Isosurface("cores", 5.0)
     views = [cameras(grid)[v] for v in VIEWS]
 
@@ -192,18 +192,18 @@ def smoothness() -> list[tuple[int, float, float]]:
             drawn = np.stack([surface.render(view, float_output=True) for view in views])
         return np.asarray(drawn[..., :3] + (1.0 - drawn[..., 3:]))
 
-    finest, found = pictures(FINEST), []
+    finest, rows = pictures(FINEST), []
     for n in SAMPLES:
         with Renderer(grid, appearance, samples=n) as surface:
-            found.append((n, psnr(pictures(n), finest), processor_ms(surface.render, views)))
-    return found
+            rows.append((n, psnr(pictures(n), finest), processor_ms(surface.render, views)))
+    return rows
 
 
 def volume_projection_error(transform: Callable[[Camera], Camera] = lambda camera: camera) -> float:
-    """Largest distance in pixels, over 48 pictures at 256², of a faint blob's centroid from where it belongs.
+    """Largest distance in pixels, over 48 images at 256², between the centroid of a faint blob and its projection.
 
-    The blob is thin enough for alpha to add up, so its picture's centroid is the mean of the projected samples,
-    each weighted by the pixel area that its volume covers along a ray, 1 / (depth² cos(angle off the axis)).
+    The blob is thin enough for alpha to add up. The centroid of its image is therefore the mean of the projected
+    samples, each weighted by its pixel area along a ray, 1 / (depth² cos(angle off the axis)).
     """
     thin = TransferFunction(((0, 1, 1, 1), (1, 1, 1, 1)), ((0.0, 0.0), (1.0, 0.002)), 0.05)
     worst = 0.0
@@ -224,10 +224,10 @@ def volume_projection_error(transform: Callable[[Camera], Camera] = lambda camer
 
 
 def isosurface_projection_errors(transform: Callable[[Camera], Camera] = lambda camera: camera) -> NDArray[np.float64]:
-    """Offsets (V, 2) in pixels, over 48 pictures at 256², of a ball's centroid from its ellipse's centre.
+    """Offsets (V, 2) in pixels, over 48 images at 256², between a ball's centroid and its ellipse's centre.
 
-    A sphere of radius r at (x, y, z) in camera axes has an ellipse centred at (x z, y z) / (z² - r²) for outline.
-    The outline is sampled 16 times per pixel.
+    The outline of a sphere of radius r at (x, y, z) in camera axes is an ellipse centred at (x z, y z) / (z² - r²). The
+    outline is sampled 16 times per pixel.
     """
     offsets, radius = [], 0.3
     for position in BLOBS:
@@ -254,18 +254,18 @@ def centroid(picture: NDArray[Any]) -> NDArray[np.float64]:
 # ---- the page ------------------------------------------------------------------------------------------------------
 
 
-def error_table(found: Found) -> str:
+def error_table(results: Found) -> str:
     header = ["sample distance / spacing", *(f"{variant}: dB, ms" for variant in VARIANTS)]
     rows = []
     for number, fraction in enumerate(SPACINGS):
-        cells = [f"{found[v][number][1]:.1f}, {found[v][number][2]:.0f}" for v in VARIANTS]
+        cells = [f"{results[v][number][1]:.1f}, {results[v][number][2]:.0f}" for v in VARIANTS]
         rows.append([f"{fraction:g}", *cells])
     return table(header, rows)
 
 
-def figure(found: dict[str, Found]) -> None:
-    with panels(FIGURE, len(found), width=5.5, height=4.2) as drawn:
-        for axes, (name, variants) in zip(drawn, found.items(), strict=True):
+def figure(results: dict[str, Found]) -> None:
+    with panels(FIGURE, len(results), width=5.5, height=4.2) as drawn:
+        for axes, (name, variants) in zip(drawn, results.items(), strict=True):
             for variant, style in zip(VARIANTS, ("o--", "s--", "d-"), strict=True):
                 fractions, decibels, milliseconds = zip(*variants[variant], strict=True)
                 axes.semilogx(milliseconds, decibels, style, label=variant, markersize=4)
@@ -293,18 +293,18 @@ def main() -> None:
         ("render", "catalogs", "insitu", "research/benchmarks/rendering/accuracy.py"),
     )
     made = made_by("rendering.accuracy", *folders, on=on, environment="LP_NUM_THREADS=0 ")
-    found: dict[str, Found] = {}
-    parts = {name: partial(part, found) for name, part in PARTS.items() if name in arguments.parts}
+    results: dict[str, Found] = {}
+    parts = {name: partial(part, results) for name, part in PARTS.items() if name in arguments.parts}
     failed = write_parts(PAGE, parts, made, stopwatch())
-    if set(found) == set(appearances()):
-        figure(found)
+    if set(results) == set(appearances()):
+        figure(results)
     sys.exit(bool(failed))
 
 
-def speed_part(name: str, found: dict[str, Found]) -> str:
-    found[name] = speed_against_error(appearances()[name])
+def speed_part(name: str, results: dict[str, Found]) -> str:
+    results[name] = speed_against_error(appearances()[name])
     return titled(
-        f"Speed against error, {name} (dB over three views; processor ms per image)", error_table(found[name])
+        f"Speed against error, {name} (dB over three views; processor ms per image)", error_table(results[name])
     )
 
 

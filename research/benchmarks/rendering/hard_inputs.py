@@ -1,4 +1,4 @@
-"""Fields in extreme units, with extreme offsets and outliers, in worlds of extreme size: what single precision would lose."""
+"""Fields in extreme units, with extreme offsets and outliers, in worlds of extreme size: tests of single precision."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ ISOVALUE, OUTLIER = 5.0, (5, 5, 5)
 
 @dataclass(frozen=True)
 class Hard:
-    """Another unit of the field, another zero, another unit of length; `outlier` is added to one sample.
+    """A change of the field's unit, its zero and the unit of length; `outlier` is added to one sample.
 
-    With `same_unit` the unit distance of opacity stays as it is, and the opacity per unit becomes as small as that asks for.
+    With `same_unit` the unit distance of opacity stays the same, and the opacity per unit shrinks accordingly.
     """
 
     scale: float = 1.0
@@ -30,7 +30,7 @@ class Hard:
     same_unit: bool = False
 
     def transfer(self, plain: TransferFunction) -> TransferFunction:
-        """The transfer function that shows the same."""
+        """The transfer function with the same appearance."""
         colors = tuple((self.scale * v + self.offset, *rgb) for v, *rgb in plain.color_points)
         power = 1.0 / self.world if self.same_unit else 1.0
         opacities = tuple(
@@ -75,13 +75,13 @@ def hard_inputs(grid: Grid, plain: TransferFunction, camera: Camera) -> list[lis
         world = [tuple(hard.world * np.array(place)) for place in (grid.spacing, grid.origin)]
         field, seen = to_grid(values, spacing=world[0], origin=world[1]), enlarged(camera, hard.world)
         transfer, distance = hard.transfer(plain), min(field.spacing) / 2
-        found = []
+        cells = []
         for shaded in (False, True):
             volume = VolumeRendering("hard", transfer, shaded)
             picture = next(render_views(field, volume, [seen], sample_distance=distance, float_output=True))
-            found.append(psnr(picture, march(field, volume, seen, distance)))
+            cells.append(psnr(picture, march(field, volume, seen, distance)))
         isovalue = hard.scale * surface.isovalue + hard.offset
         pictures = render_views(field, replace(surface, isovalue=isovalue), [seen], float_output=True)
-        found.append(min(psnr(next(pictures), expected), 150.0))
-        rows.append([name, *(f"{decibels:.0f}" for decibels in found)])
+        cells.append(min(psnr(next(pictures), expected), 150.0))
+        rows.append([name, *(f"{decibels:.0f}" for decibels in cells)])
     return rows

@@ -1,9 +1,9 @@
-"""What a member's sidecar costs in kilobytes and milliseconds, by the number of its points that fill the box evenly.
+"""Cost of a member's sidecar in kilobytes and milliseconds, by the number of points that fill the box evenly.
 
     python -m research.benchmarks.rendering.sidecars [--sizes 64,256] [--even 0,2000,8000]
 
-The field is a sum of waves on size³ samples, seen under one transfer function.  Times are medians of calls of one process: of the
-summary without the even points (histogram, range, 4,000 points by opacity), and of these.
+The field is a sum of waves on size³ samples under one transfer function. Times are medians of calls in one process: of
+the summary without the even points (histogram, range, 4,000 points by opacity), and of the even points.
 """
 
 from __future__ import annotations

@@ -2,7 +2,7 @@
 
     python -m research.benchmarks.results [--records DIRECTORY] [--runs DIRECTORY] [--output DIRECTORY]
 
-Seconds.  What is missing is listed on the page with the command that makes it, which `make results` runs.
+Takes seconds. Missing results are listed on the page with the commands that make them, which `make results` runs.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The tables of what each choice of training is worth, in groups of variants that answer one question."""
+"""Tables of the ablations, in groups of variants that answer one question."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ GROUPS = ("reference", "equal steps", "start", "training strategy", "size")
 
 
 def group_of(variant: Variant) -> str:
-    """Which question a variant answers, of `GROUPS`."""
+    """The question that a variant answers, of `GROUPS`."""
     changed = {*variant.changes, *variant.factors}
     if variant.name == DEFAULT:
         return "reference"
@@ -41,7 +41,7 @@ def group_of(variant: Variant) -> str:
 
 
 def study_section(study: StudyResults) -> list[str]:
-    """A study in Markdown: a table by groups, the best of a group first, and what it says in sentences."""
+    """A study in Markdown: a table by groups, the best of a group first, and its conclusions."""
     if study.published:
         lines = "\n".join(study.published["lines"])
         of_paper = [EQUAL_TIME] if "| paper" in lines else []
@@ -68,14 +68,14 @@ def _introduction(study: StudyResults) -> str:
     )
 
 
-def _limits(variants: Sequence[Variant], known: Collection[str]) -> list[str]:
-    """What a study of these variants, of which some are `known`, does not tell."""
-    missing = [variant.name for variant in variants if variant.name not in known]
+def _limits(variants: Sequence[Variant], tested: Collection[str]) -> list[str]:
+    """Limits of a study of these variants, of which some are `known`."""
+    missing = [variant.name for variant in variants if variant.name not in tested]
     return [f"{len(missing)} of {len(variants)} variants were not run: {', '.join(missing)}."] if missing else []
 
 
 def _named_on(lines: str, variants: Sequence[Variant]) -> set[str]:
-    """Names of the variants that an earlier page has a row of, or says to have no result."""
+    """Names of the variants with a row on an earlier page, or listed there without a result."""
     _, _, failed = lines.partition("Without a result:")
     return {v.name for v in variants if f"| {v.name} |" in lines or f" {v.name} (" in failed}
 

@@ -2,7 +2,7 @@
 
     python -m research.benchmarks.results.comparison [SCENE...] [--records research/records]
 
-Writes docs/comparison.md and its plots: all scenes that have records, or those that are named.
+Writes docs/comparison.md and its plots for the named scenes, by default all that have records.
 """
 
 from __future__ import annotations
@@ -86,7 +86,7 @@ NOT_RUN = (
 
 
 def page(records: Path, scenes: Sequence[str], drawn: Iterable[str]) -> str:
-    """The page in Markdown, with the plots that are `drawn`."""
+    """The page in Markdown, with the plots in `drawn`."""
     names, results = set(drawn), {scene: load(records / scene) for scene in scenes}
     return document(
         "# Beside published systems",
@@ -104,12 +104,12 @@ def page(records: Path, scenes: Sequence[str], drawn: Iterable[str]) -> str:
 
 
 def plots(records: Path, scene: str) -> dict[str, bytes]:
-    """PNG files of a scene by name, of what is known of it."""
+    """Plots of a scene's results as PNG, by name."""
     results = load(records / scene)
-    found = {f"comparison_{scene}_curves.png": curves(results)}
+    files = {f"comparison_{scene}_curves.png": curves(results)}
     for each in terms(results):
-        found[f"comparison_{scene}_{each.name}.png"] = sheet(records / scene, results, each)
-    return {name: content for name, content in found.items() if content is not None}
+        files[f"comparison_{scene}_{each.name}.png"] = sheet(records / scene, results, each)
+    return {name: content for name, content in files.items() if content is not None}
 
 
 def main() -> None:
@@ -119,13 +119,13 @@ def main() -> None:
     parser.add_argument("--records", type=Path, default=PROJECT / "research" / "records")
     parser.add_argument("-o", "--output", type=Path, default=DOCS)
     given = parser.parse_args()
-    known = sorted(path.parent.name for path in given.records.glob(f"*/{FOLDER}") if load(path.parent))
-    missing = sorted(set(given.scenes) - set(known))
-    if missing or not known:
+    available = sorted(path.parent.name for path in given.records.glob(f"*/{FOLDER}") if load(path.parent))
+    missing = sorted(set(given.scenes) - set(available))
+    if missing or not available:
         parser.error(
             f"no records of {', '.join(missing) or 'any scene'} in {given.records}: `python -m research.studies compare` makes them"
         )
-    scenes = given.scenes or known
+    scenes = given.scenes or available
     drawn = {name: content for scene in scenes for name, content in plots(given.records, scene).items()}
     for name, content in drawn.items():
         durable.replace(given.output / name, content)
@@ -159,7 +159,7 @@ def _section(records: Path, results: Sequence[ComparisonResult], drawn: set[str]
 
 
 def _sheet(records: Path, results: Sequence[ComparisonResult], on: Terms, drawn: set[str]) -> list[str]:
-    """A sheet, and whom it lacks."""
+    """A sheet, and the methods that it lacks."""
     name = f"comparison_{records.name}_{on.name}.png"
     if name not in drawn:
         return []
@@ -168,18 +168,18 @@ def _sheet(records: Path, results: Sequence[ComparisonResult], on: Terms, drawn:
 
 
 def _published(results: Sequence[ComparisonResult]) -> list[str]:
-    """How to train at published sizes and steps, with an empty table before anybody did."""
-    told = ["## Sizes and steps as published", PUBLISHED.replace("\n", " ")]
+    """Instructions for published sizes and steps, with an empty table before any such training."""
+    blocks = ["## Sizes and steps as published", PUBLISHED.replace("\n", " ")]
     if any(each.minutes == AS_PUBLISHED for each in terms(results)):
-        return told
+        return blocks
     methods = [c for c in CONTESTANTS.values() if c.official_steps or c.steps_of]
     steps = [CONTESTANTS[c.steps_of].official_steps if c.steps_of else c.official_steps for c in methods]
     rows = [[c.title, f"{count:,}", NOTHING, NOTHING, NOTHING] for c, count in zip(methods, steps, strict=True)]
-    return [*told, NOT_RUN, table(("method", "steps", "novel views", "unseen parameters", "both"), rows)]
+    return [*blocks, NOT_RUN, table(("method", "steps", "novel views", "unseen parameters", "both"), rows)]
 
 
 def _made(results: Sequence[ComparisonResult]) -> str:
-    """Machines and commits; where there are several machines, also who was trained on which."""
+    """Machines and commits; for several machines also the methods trained on each."""
     methods: dict[str, dict[str, None]] = {}
     for result in (r for r in results if r.method != TRIVIAL):
         methods.setdefault(in_words(result.provenance.machine), {})[title(result.row).strip("*")] = None
@@ -189,8 +189,8 @@ def _made(results: Sequence[ComparisonResult]) -> str:
     return ". ".join([f"commit {commits}", *(f"{machine}: {'; '.join(titles)}" for machine, titles in methods.items())])
 
 
-def _tuned(found: Sequence[tuning.Tuning]) -> list[str]:
-    if not found:
+def _tuned(tunings: Sequence[tuning.Tuning]) -> list[str]:
+    if not tunings:
         return []
     header = ("method", "size", "precision", *(f"{rate:g}" for rate in tuning.RATES))
     rows = [
@@ -200,15 +200,15 @@ def _tuned(found: Sequence[tuning.Tuning]) -> list[str]:
             t.precision,
             *(number(t.decibels.get(f"{rate:g}")) for rate in tuning.RATES),
         ]
-        for t in found
+        for t in tunings
         if t.method in CONTESTANTS
     ]
-    scenes = ", ".join(f"`{scene}`" for scene in dict.fromkeys(t.scene for t in found))
-    told = (
+    scenes = ", ".join(f"`{scene}`" for scene in dict.fromkeys(t.scene for t in tunings))
+    note = (
         f"PSNR (dB) of validation images of {scenes} after a minute, by what the published rates are multiplied by; "
         f"{NOTHING} where it diverged."
     )
-    return ["## Rates", told, table(header, rows)]
+    return ["## Rates", note, table(header, rows)]
 
 
 if __name__ == "__main__":

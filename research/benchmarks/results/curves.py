@@ -1,4 +1,4 @@
-"""What more time of training is worth: a table and a plot over the scenes."""
+"""Accuracy over training time: a table and a plot over the scenes."""
 
 from __future__ import annotations
 
@@ -22,22 +22,22 @@ TEXT = (
 
 def curves_section(scenes: Sequence[SceneResults], is_drawn: bool) -> list[str]:
     """The section in Markdown; nothing where no scene was measured."""
-    known = [scene for scene in scenes if scene.curve]
-    if not known:
+    measured = [scene for scene in scenes if scene.curve]
+    if not measured:
         return []
-    minutes = sorted({point.minutes for scene in known for point in scene.curve})
-    rows = [row for scene in known for row in _rows(scene, minutes)]
+    minutes = sorted({point.minutes for scene in measured for point in scene.curve})
+    rows = [row for scene in measured for row in _rows(scene, minutes)]
     return [
         "## What more time is worth",
         TEXT,
         table(("scene", *(f"{number:g} min" for number in minutes)), rows),
         f"![PSNR over processor seconds]({PICTURE})" if is_drawn else "",
-        f"<sub>{'; '.join(map(_source, known))}.</sub>",
+        f"<sub>{'; '.join(map(_source, measured))}.</sub>",
     ]
 
 
 def plot(scenes: Sequence[SceneResults]) -> bytes | None:
-    """A PNG file: PSNR over processor seconds, a line for each scene and variation; None where nothing was measured."""
+    """PSNR over processor seconds as PNG, a line for each scene and variation; None without measurements."""
     from matplotlib.figure import Figure
 
     lines = [
@@ -74,15 +74,15 @@ def _words(what: str) -> str:
 
 def _rows(scene: SceneResults, minutes: Sequence[float]) -> list[list[str]]:
     at = {point.minutes: point for point in scene.curve}
-    found = []
+    rows = []
     for what in _whats(scene):
         points = [at.get(number) for number in minutes]
         cells = [
             f"{point.unseen[what]:.2f} ({point.gaussians:,})" if point and what in point.unseen else NOTHING
             for point in points
         ]
-        found.append([f"`{scene.name}`{_words(what)}", *cells])
-    return found
+        rows.append([f"`{scene.name}`{_words(what)}", *cells])
+    return rows
 
 
 def _source(scene: SceneResults) -> str:

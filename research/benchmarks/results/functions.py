@@ -1,4 +1,4 @@
-"""The table of transfer functions that no training showed, measured against the field itself."""
+"""The table of transfer functions that training never showed, measured against the field itself."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 
 from research.benchmarks.results.scenes import SceneResults
 from research.benchmarks.results.sources import made_from
-from research.benchmarks.training.functions.asked import PEAK, TRAINED
+from research.benchmarks.training.functions.departures import PEAK, TRAINED
 from research.benchmarks.training.functions.measured import mean_and_worst, unseen
 from surrogate.evaluation.tables import NOTHING, table
 
@@ -22,17 +22,17 @@ TEXT = (
 
 def functions_section(scenes: Sequence[SceneResults]) -> list[str]:
     """The section in Markdown; nothing where no scene was measured."""
-    known = [scene for scene in scenes if scene.functions]
-    if not known:
+    measured = [scene for scene in scenes if scene.functions]
+    if not measured:
         return []
-    names = list(dict.fromkeys(row.function for scene in known for _, rows in scene.functions for row in rows))
+    names = list(dict.fromkeys(row.function for scene in measured for _, rows in scene.functions for row in rows))
     names = [name for name in names if name not in (TRAINED, PEAK)]
     header = ("scene", "mean", "worst function", *names, PEAK, TRAINED, "seeds", "images")
     return [
         "## Transfer functions never trained",
         TEXT,
-        table(header, (_row(scene, names) for scene in known)),
-        f"<sub>{'; '.join(map(_source, known))}.</sub>",
+        table(header, (_row(scene, names) for scene in measured)),
+        f"<sub>{'; '.join(map(_source, measured))}.</sub>",
     ]
 
 
@@ -51,11 +51,11 @@ def _row(scene: SceneResults, names: Sequence[str]) -> list[str]:
 
 
 def _cell(scene: SceneResults, function: str) -> str:
-    found = [row for _, rows in scene.functions for row in rows if row.function == function]
-    if not found:
+    matching = [row for _, rows in scene.functions for row in rows if row.function == function]
+    if not matching:
         return NOTHING
-    instead = "" if function == TRAINED else f" ({np.mean([row.instead for row in found]):.1f})"
-    return f"{_spread([row.psnr for row in found])}{instead}"
+    instead = "" if function == TRAINED else f" ({np.mean([row.instead for row in matching]):.1f})"
+    return f"{_spread([row.psnr for row in matching])}{instead}"
 
 
 def _spread(values: Sequence[float]) -> str:

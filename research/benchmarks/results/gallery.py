@@ -1,4 +1,4 @@
-"""Draw a picture of each case of the README's gallery and write its figures beneath, from catalogs and records.
+"""Draw an image of each case of the README's gallery and write its figures beneath, from catalogs and records.
 
     python -m research.benchmarks.results.gallery [--runs runs] [--records research/records]
 
@@ -29,7 +29,7 @@ UNSEEN = "unseen_views", "unseen_parameters"
 
 
 class GalleryCase(NamedTuple):
-    """A scene of the gallery: what it is, in Markdown, and which view is shown."""
+    """A scene of the gallery: its description in Markdown, and the view that is shown."""
 
     scene: str
     what: str
@@ -50,11 +50,11 @@ def shown_member(members: Iterable[Member]) -> Member:
 
     Raises ValueError where there is none at all.
     """
-    known = list(members)
-    found = [member for member in known if member.split == "test"] or known
-    if not found:
+    every = list(members)
+    tested = [member for member in every if member.split == "test"] or every
+    if not tested:
         raise ValueError("the catalog has no members: there is nothing to show")
-    return found[len(found) // 2]
+    return tested[len(tested) // 2]
 
 
 def on_white(premultiplied: np.ndarray) -> Image.Image:
@@ -73,7 +73,7 @@ def draw(catalog: Catalog, view: int, path: Path) -> None:
 
 
 def figures(scene: SceneResults) -> str:
-    """One line of what was measured of a scene's base appearance."""
+    """One line about the measurements of a scene's base appearance."""
     part = next(iter(parts_of([scene])), None)
     if part is None or scene.report is None:
         return "not measured yet"
@@ -87,11 +87,11 @@ def figures(scene: SceneResults) -> str:
 
 def gallery(results: Iterable[SceneResults]) -> str:
     """The README's table: a column for each case."""
-    known = {scene.name: scene for scene in results}
+    by_name = {scene.name: scene for scene in results}
     rows = [
         [f"![{case.scene}](docs/gallery_{case.scene}.png)" for case in CASES],
         [case.what for case in CASES],
-        [figures(known[case.scene]) for case in CASES],
+        [figures(by_name[case.scene]) for case in CASES],
     ]
     return table([f"`{case.scene}`" for case in CASES], rows)
 

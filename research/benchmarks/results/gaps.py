@@ -1,4 +1,4 @@
-"""What is missing of a scene, and what makes it."""
+"""Missing results of a scene, and the commands that make them."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from surrogate.evaluation.tables import table
 
 
 class Gap(NamedTuple):
-    """What is missing of a scene, and the command that makes it."""
+    """A missing result of a scene, and the command that makes it."""
 
     scene: str
     what: str
@@ -21,14 +21,14 @@ class Gap(NamedTuple):
 
 
 def gaps_of(scene: SceneResults) -> list[Gap]:
-    """All that is missing of a scene."""
+    """All missing results of a scene."""
     return [Gap(scene.name, what, command) for what, command in _missing(scene)]
 
 
-def section_of(gaps: Sequence[Gap], *told: str) -> list[str]:
-    """The parts of a page about what is missing, none where nothing is; `told` stands before the table."""
+def section_of(gaps: Sequence[Gap], *introduction: str) -> list[str]:
+    """Blocks of a page about missing results, empty without any; `introduction` precedes the table."""
     rows = [(f"`{gap.scene}`", gap.what, f"`{gap.command}`") for gap in gaps]
-    return ["## What is missing", *told, table(("scene", "what", "made by"), rows)] if gaps else []
+    return ["## What is missing", *introduction, table(("scene", "what", "made by"), rows)] if gaps else []
 
 
 def _missing(scene: SceneResults) -> Iterator[tuple[str, str]]:
@@ -54,7 +54,7 @@ def _missing(scene: SceneResults) -> Iterator[tuple[str, str]]:
 
 
 def _can_have_ceiling(part: ReportPart) -> bool:
-    """Whether a member has views that train and others that test, under a setting that tests where it is about one."""
+    """True if a member has both training and test views, under a test setting where the part is about one."""
     if part.kind == BASE:
         return any(part.images("unseen_views", column) for column in PARAMETERS)
     return part.images("unseen_settings", "unseen_parameters") > 0

@@ -1,4 +1,4 @@
-"""docs/results.md: all tables, what made them, and the pictures that belong to them."""
+"""docs/results.md: all tables, their sources and images."""
 
 from __future__ import annotations
 
@@ -66,8 +66,8 @@ COST_COLUMNS = (  # times are of the scene's own seed
 
 
 def page(scenes: Sequence[SceneResults], pictures: Container[str]) -> str:
-    """The page; `pictures` are the names of those that lie beside it."""
-    known = [scene for scene in scenes if scene.report is not None]
+    """The page; `pictures` are the names of the images beside it."""
+    reported = [scene for scene in scenes if scene.report is not None]
     return document(
         "# Results",
         INTRODUCTION,
@@ -76,10 +76,10 @@ def page(scenes: Sequence[SceneResults], pictures: Container[str]) -> str:
         *functions_section(scenes),
         "## How large, how fast",
         "Times are medians, one picture at a time.",
-        table_of(known, *COST_COLUMNS) if known else "No scene has a report yet.",
+        table_of(reported, *COST_COLUMNS) if reported else "No scene has a report yet.",
         *curves_section(scenes, CURVES in pictures),
         *processors_section(scenes),
-        *([f"## {SOURCES}", report_sources(scenes)] if known else []),
+        *([f"## {SOURCES}", report_sources(scenes)] if reported else []),
         *_pictures(scenes, pictures),
         "## What each choice of training is worth",
         *(_ablations(scenes, pictures) or ["No scene has an ablation yet."]),
@@ -88,25 +88,23 @@ def page(scenes: Sequence[SceneResults], pictures: Container[str]) -> str:
 
 
 def pictures_of(scenes: Sequence[SceneResults], output: Path) -> dict[str, bytes]:
-    """The pictures that belong on the page, by name: of a scene's variations, or else its comparison, of its ablations, and
-    of all curves.
+    """The images of the page by name: of a scene's variations or its comparison, of its ablations, and of all curves.
 
     Those of reports come from runs/, where these are the reports that are shown; else what lies in `output` stays.
     """
-    found: dict[str, bytes | None] = {}
+    images: dict[str, bytes | None] = {}
     for scene in scenes:
         folder = scene.run / "report"
         same = scene.report and (read_json(folder / RECORD) or {}).get("fingerprint") == scene.report["fingerprint"]
         new = {_picture(scene, sheet): _content(folder / sheet) if same else None for sheet in _sheets(scene)}
         new |= {_picture(scene, f"{study.kind.folder}.png"): plot(study.rows) for study in scene.studies}
-        found |= {name: content or _content(output / name) for name, content in new.items()}
-    found[CURVES] = plot_curves(scenes)
-    return {name: content for name, content in found.items() if content is not None}
+        images |= {name: content or _content(output / name) for name, content in new.items()}
+    images[CURVES] = plot_curves(scenes)
+    return {name: content for name, content in images.items() if content is not None}
 
 
 def write(output: Path, scenes: Sequence[SceneResults]) -> Path:
-    """Write the page and its pictures into the folder `output`, each whole; pictures of an earlier page that are no longer
-    shown are removed."""
+    """Write the page and its images into the folder `output`, each atomically; images of an earlier page are removed."""
     pictures, earlier = pictures_of(scenes, output), _pictures_on(output / PAGE)
     durable.make_folder(output)
     for name, content in pictures.items():
@@ -126,15 +124,15 @@ def _picture(scene: SceneResults, name: str) -> str:
 
 
 def _pictures_on(path: Path) -> set[str]:
-    """Names of the copies that a page shows; none without one."""
+    """Names of the image copies on a page; empty without a page."""
     return set(PICTURE_LINK.findall(path.read_text(encoding="utf-8", errors="replace"))) if path.is_file() else set()
 
 
 def _size(scene: SceneResults, name: str, alone: float | None, digits: int) -> str:
-    """Over seeds where there are several, else that of the report."""
+    """The mean over several seeds, otherwise the report's value."""
     if scene.repeats:
-        found = scene.repeats.get(name)
-        return plain_spread(found, digits) if found else NOTHING
+        spread = scene.repeats.get(name)
+        return plain_spread(spread, digits) if spread else NOTHING
     return NOTHING if alone is None else f"{alone:,.{digits}f}"
 
 
@@ -145,13 +143,13 @@ def _sheets(scene: SceneResults) -> list[str]:
 
 
 def _pictures(scenes: Sequence[SceneResults], pictures: Container[str]) -> list[str]:
-    found = [
+    blocks = [
         f"`{scene.name}`: {scene.title}\n\n![{scene.name}]({name})"
         for scene in scenes
         for name in (_picture(scene, sheet) for sheet in _sheets(scene))
         if name in pictures
     ]
-    return ["## Truth, prediction and difference", *found] if found else []
+    return ["## Truth, prediction and difference", *blocks] if blocks else []
 
 
 def _ablations(scenes: Sequence[SceneResults], pictures: Container[str]) -> list[str]:

@@ -1,4 +1,4 @@
-"""The parts of a scene's report that tables have rows about: the base appearance, and each variation of it."""
+"""The parts of a scene's report with rows in tables: the base appearance, and each variation."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ NEARLY_CUT = MOST_DECIBELS - 5.0  # dB; some of the images of such a mean are cu
 
 @dataclass(frozen=True, eq=False)
 class ReportPart:
-    """What is known of one part.
+    """The results of one part.
 
     Attributes
     ----------
     kind : "base", or that of the variation.
-    what : that it shows, in words.
-    record : of the report, with means by metric, row and column.
+    what : description of its appearance.
+    record : record of the report, with means by metric, row and column.
     spreads : the same over seeds; None for fewer than two.
     ceiling : the entry of `ceiling.json` about it; None without one.
     """
@@ -37,7 +37,7 @@ class ReportPart:
     ceiling: Mapping[str, Any] | None
 
     def images(self, row: str, column: str) -> int:
-        """How many such images the data set has."""
+        """Number of such images in the data set."""
         return int(self.record["images"][row][column] or 0)
 
     def figure(self, metric: str, row: str, column: str) -> str:
@@ -47,7 +47,7 @@ class ReportPart:
         return metric_number(metric, self.record[metric][row][column])
 
     def seeds(self) -> str:
-        """How many seeds a figure is the mean of."""
+        """Number of seeds behind a figure."""
         return "1" if self.spreads is None else str(len(self.spreads["seeds"]))
 
     def best_trivial(self, row: str, column: str) -> str:
@@ -56,10 +56,10 @@ class ReportPart:
             return NOTHING
         entries = self.record["trivial_predictors"]
         means = [entry["psnr"].get(row, {}) if self.kind == BASE else entry["psnr"] for entry in entries]
-        known = [(of[column], i) for i, of in enumerate(means) if of.get(column) is not None]
-        if not known:
+        candidates = [(of[column], i) for i, of in enumerate(means) if of.get(column) is not None]
+        if not candidates:
             return NOTHING
-        value, best = max(known)
+        value, best = max(candidates)
         entry = entries[best]
         remarks = [
             entry["name"].split(" (")[0],
@@ -70,17 +70,17 @@ class ReportPart:
 
     def at_center(self, row: str, column: str) -> str:
         """PSNR in dB of the same model with the simulation's parameters at their centre, on the same images."""
-        known = self.record.get("at_center")
-        return NOTHING if known is None else number(known["psnr"][row][column])
+        record = self.record.get("at_center")
+        return NOTHING if record is None else number(record["psnr"][row][column])
 
     def _uncut(self, entry: Mapping[str, Any], value: float, row: str, column: str) -> list[str]:
-        """Of a predictor near the most that an image counts, the PSNR of its mean error, which is not cut."""
+        """For a predictor near the limit of an image's PSNR, the PSNR of its mean error, which has no limit."""
         means = entry.get("psnr_of_mean_error", {})
         uncut = (means.get(row, {}) if self.kind == BASE else means).get(column)
         return [f"of the mean error {uncut:.2f}"] if value > NEARLY_CUT and uncut is not None and uncut > value else []
 
     def _uncapped(self, entry: Mapping[str, Any], column: str) -> list[str]:
-        """Of a predictor from fewer settings than training showed: how many, and what it reaches where it has more."""
+        """For a predictor from fewer settings than training showed: their number, and its score where it has more."""
         shown, trained = entry.get("settings_shown", {}), self.record.get("settings_trained")
         if not trained or column not in shown or shown[column][0] >= trained:
             return []

@@ -1,4 +1,4 @@
-"""How far a scene's figures differ between machines: the instruction sets of older processors beside the best there was."""
+"""Figures of a scene on other processors: the instruction sets of older processors beside the best available."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ TEXT = (
 
 def processors_section(scenes: Sequence[SceneResults]) -> list[str]:
     """The section in Markdown; nothing where no scene was measured."""
-    known = [scene for scene in scenes if scene.instruction_sets]
-    if not known:
+    measured = [scene for scene in scenes if scene.instruction_sets]
+    if not measured:
         return []
-    rows = [row for scene in known for row in _rows(scene)]
-    sources = "; ".join(map(_source, known))
+    rows = [row for scene in measured for row in _rows(scene)]
+    sources = "; ".join(map(_source, measured))
     return ["## On other processors", TEXT, table(HEADER, rows), f"<sub>{sources}.</sub>"]
 
 

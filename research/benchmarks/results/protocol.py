@@ -1,4 +1,4 @@
-"""Which trainings the comparison with published systems consists of, and which of them nobody has made yet."""
+"""The trainings of the comparison with published systems, and those that are missing."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from research.studies.comparison.result import ComparisonResult, MethodRow
 
 
 class Trainings(NamedTuple):
-    """Of so many seeds of each method, on each of the scenes, for so many minutes of `threads` threads together."""
+    """Trainings of each method with `seeds` seeds on each of the scenes, for `minutes` minutes of `threads` threads together."""
 
     scenes: Sequence[str]
     minutes: float
@@ -34,7 +34,7 @@ PROTOCOL = (
 
 
 def gaps(results: Mapping[str, Sequence[ComparisonResult]], protocol: Sequence[Trainings] = PROTOCOL) -> list[Gap]:
-    """What none of the results by scene is of; a training that failed is none."""
+    """The trainings without a result, by scene; failed ones are missing too."""
     return [gap for trainings in protocol for scene in trainings.scenes for gap in _gaps(scene, trainings, results)]
 
 
@@ -55,7 +55,7 @@ def _gaps(scene: str, trainings: Trainings, results: Mapping[str, Sequence[Compa
 
 
 def _missing_seeds(method: str, seeds: int, made: Set[tuple[MethodRow, int]]) -> list[int]:
-    """Those that nobody trained, in the precision in which most are trained."""
+    """The missing seeds of a method, in the precision in which most are trained."""
     rows = [MethodRow(method, precision) for precision in PRECISIONS]
     return min(([seed for seed in range(seeds) if (row, seed) not in made] for row in rows), key=len)
 

@@ -1,4 +1,4 @@
-"""The tables of how good: novel views, unseen parameters, unseen settings, and all of them at once."""
+"""Tables of image quality: novel views, unseen parameters, unseen settings, and all of them at once."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ Cell = tuple[str, str]  # row and column
 
 
 class QualityTable(NamedTuple):
-    """A section of the page: its title, what it shows, and its table."""
+    """A section of the page: its title, description and table."""
 
     title: str
     text: str
@@ -63,7 +63,7 @@ def quality_tables(parts: Sequence[ReportPart]) -> list[QualityTable]:
 def _seen_and_unseen(
     title: str, text: str, parts: Sequence[ReportPart], of: tuple[str, str], cells: tuple[Cell, Cell], without: str = ""
 ) -> QualityTable:
-    """Parts of a kind that have images of the second of two cells, whose names are of what is seen in the first alone."""
+    """Parts of a kind with images in the second of two cells; their names say what is seen in the first alone."""
     (kind, names), (seen, unseen) = of, cells
     return _made(
         title,
@@ -101,7 +101,7 @@ def _made(
     perceptual: Sequence[str] = (),
     without: str = "",
 ) -> QualityTable:
-    """A table with a row for each part, about the cell `at` which it is looked at."""
+    """A table with a row for each part, about the cell `at`."""
 
     def figure(metric: str) -> Callable[[ReportPart], str]:
         return lambda part: part.figure(metric, *at(part))
@@ -122,7 +122,7 @@ def _made(
 
 
 def _joint(part: ReportPart) -> Cell:
-    """The cell of a part in which most is unseen."""
+    """The cell of a part with the most unseen conditions."""
     if part.kind == BASE:
         return "unseen_views", "unseen_parameters"
     unseen = "unseen_settings", "unseen_parameters"
@@ -130,7 +130,7 @@ def _joint(part: ReportPart) -> Cell:
 
 
 def _perceptual_text(metrics: Sequence[str]) -> str:
-    """What is to be known of metrics that look at some images only, and of those that no report has."""
+    """Remarks on metrics that are measured on some images only, and on those that no report has."""
     shown, missing = ([HEADINGS[m] for m in PERCEPTUAL_METRICS if (m in metrics) == there] for there in (True, False))
     texts = [f"{', '.join(shown)}: of the scene's own seed, on some of the images."] if shown else []
     return "  ".join(

@@ -1,4 +1,4 @@
-"""What was measured of a scene: report, ceilings and seeds of the same settings, and ablations, of the present ones if any are."""
+"""Measurements of a scene: report, upper bounds and seeds of the same settings, and ablations, preferably of the present ones."""
 
 from __future__ import annotations
 
@@ -32,18 +32,18 @@ class SceneResults:
 
     Attributes
     ----------
-    run : its folder of results, where the pictures of its report are.
-    base : what its base appearance is, in words.
-    variations : how many its surrogate follows.
+    run : its folder of results, with the images of its report.
+    base : description of its base appearance.
+    variations : number of variations that its surrogate follows.
     report : figures of its report; None without one.
     ceilings : entries about the same model, as `load_ceilings` has them.
     seeds, repeats : the scores of the seeds of the same settings, and `summarize_repeats` of them; None for fewer than two.
     studies : its ablations.
-    functions : how functions that were never trained are shown, a record and its rows for each seed.
-    curve : how good it is after some minutes of training.
+    functions : results under transfer functions that were never trained, a record and its rows for each seed.
+    curve : accuracy after some minutes of training.
     instruction_sets : the scores of the same settings with the instructions of older processors, by name.
-    outdated : whether nothing is of the scene's present settings: all is of the ones that it had when it was measured.
-    earlier : whether any of it is outdated, was measured by other code than the present, or is known from an earlier page alone.
+    outdated : True if all results come from earlier settings of the scene.
+    earlier : True if any result is outdated, was measured by other code, or is known from an earlier page alone.
     """
 
     name: str
@@ -72,15 +72,15 @@ def read_scenes(scenes: Path, records: Path, runs: Path) -> list[SceneResults]:
 
 
 def read_scene(path: Path, records: Path, runs: Path) -> SceneResults:
-    """What there is of one scene.  Raises ValueError for one that can't be read."""
+    """All results of one scene; raises ValueError for an unreadable one."""
     scene = Scene.load(path)
     settings, folder, run = TrainingSettings.from_table(scene.training), records / scene.name, scene.run_directory(runs)
     base = next((a for a in scene.appearances if settings.appearance in ("", a.name)), ImportedImages(""))
     learnt = [v for v in scene.variations if v.base in ("", base.name) and settings.visualization_steps]
     of_scene = scene.name, scene.title, run, APPEARANCES[appearance_to_json(base)["kind"]], len(learnt)
     shown = _shown(folder, settings)
-    scores, known = load_scores(folder, settings=shown), load_report(folder, settings.seed)
-    report = known if known is not None and known.agrees({"settings": shown}) else None
+    scores, report = load_scores(folder, settings=shown), load_report(folder, settings.seed)
+    report = report if report is not None and report.agrees({"settings": shown}) else None
     studies = read_studies(folder, settings.to_json()) or read_studies(folder, shown)
     functions, curve = load(folder, shown), load_curve(folder)
     published = Record.load(folder / PUBLISHED, PUBLISHED_KIND, PUBLISHED_VERSION, {"scene": scene.name})
@@ -110,7 +110,7 @@ def read_scene(path: Path, records: Path, runs: Path) -> SceneResults:
 
 
 def _shown(records: Path, settings: TrainingSettings) -> Mapping[str, Any]:
-    """The settings whose figures are shown: the present ones, or those of the report where nothing is of these yet."""
+    """The settings whose figures are shown: the present ones, or those of the report if nothing is newer."""
     present, report = settings.to_json(), load_report(records, settings.seed)
     if report is None or report.agrees({"settings": present}) or load_scores(records, settings=present):
         return present

@@ -1,4 +1,4 @@
-"""What made the numbers: command, commit, machine and seed, scene by scene."""
+"""Sources of the numbers: command, commit, machine and seed, scene by scene."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from surrogate.provenance import in_words
 
 
 def report_sources(scenes: Iterable[SceneResults]) -> str:
-    """Of reports, ceilings and seeds: a table with a row for each command; "" without any."""
+    """Sources of reports, upper bounds and seeds: a table with a row for each command; "" without any."""
     rows = [(f"`{scene.name}`", f"`{command}`", made) for scene in scenes for command, made in _of_scene(scene)]
     return table(("scene", "command", "made at"), rows) if rows else ""
 
 
 def study_sources(scene: str, study: StudyResults) -> str:
-    """Of the table of an ablation."""
+    """Sources of the table of an ablation."""
     if study.published:
         return str(study.published["sources"])
     results = study.results
@@ -33,19 +33,21 @@ def _of_scene(scene: SceneResults) -> list[tuple[str, str]]:
     """The commands that made a scene's numbers, each with its `made_from`."""
     if scene.report is None:
         return []
-    found = [(f"surrogate evaluate scenes/{scene.name}.toml", made_from([scene.report], [scene.report["seed"]]))]
+    sources = [(f"surrogate evaluate scenes/{scene.name}.toml", made_from([scene.report], [scene.report["seed"]]))]
     if scene.repeats is not None:
         seeds, machines, commits = (scene.repeats[name] for name in ("seeds", "machines", "commits"))
         made = made_from([{"machine": machine, "commit": commit} for machine in machines for commit in commits], seeds)
-        found.append((f"python -m research.studies repeat scenes/{scene.name}.toml --seeds {len(seeds)}", made))
+        sources.append((f"python -m research.studies repeat scenes/{scene.name}.toml --seeds {len(seeds)}", made))
     if scene.ceilings:
         seeds = sorted({int(entry["seed"]) for entry in scene.ceilings})
-        found.append((f"python -m research.studies ceiling scenes/{scene.name}.toml", made_from(scene.ceilings, seeds)))
-    return found
+        sources.append(
+            (f"python -m research.studies ceiling scenes/{scene.name}.toml", made_from(scene.ceilings, seeds))
+        )
+    return sources
 
 
 def made_from(records: Sequence[Mapping[str, Any]], seeds: Sequence[int]) -> str:
-    """From which commits, on which machines and with which seeds; a record has a "commit" and a "machine"."""
+    """Commits, machines and seeds of records, each of which has a "commit" and a "machine"."""
     commits = ", ".join(dict.fromkeys(f"`{record['commit']}`" for record in records))
     machines = "; ".join(dict.fromkeys(in_words(record["machine"] or {}) for record in records))
     return f"commit {commits}, {machines}, seed{'s' if len(seeds) > 1 else ''} {', '.join(map(str, seeds))}"

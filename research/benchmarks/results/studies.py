@@ -1,4 +1,4 @@
-"""The ablations of a scene, as far as they are of its present settings."""
+"""The ablations of a scene with its present settings."""
 
 from __future__ import annotations
 
@@ -40,9 +40,9 @@ class StudyResults:
 
     Attributes
     ----------
-    budget : seconds that each fit was given.
+    budget : seconds for each fit.
     rows : of its table, the best first.
-    published : the "lines" of an earlier page about it, and its "sources", where nothing else is known.
+    published : the "lines" of an earlier page about it, and its "sources", where no records are left.
     """
 
     kind: StudyKind
@@ -52,28 +52,28 @@ class StudyResults:
 
     @property
     def results(self) -> list[AblationResult]:
-        """All fits that have a result."""
+        """All successful fits."""
         return [result for row in self.rows for result in row.results]
 
     @property
     def earlier(self) -> bool:
-        """Whether other code than the present made any of it."""
+        """True if other code than the present made any of it."""
         return bool(self.published) or {result.provenance.code for result in self.results} != {code(DECIDING)}
 
 
 def kinds_of(variations: int) -> list[StudyKind]:
-    """The studies that a scene with so many variations can have."""
+    """The studies of a scene with this number of variations."""
     return [BASE, VISUALIZATION] if variations else [BASE]
 
 
 def read_studies(records: Path, settings: Mapping[str, Any]) -> list[StudyResults]:
     """The studies in the folder of a scene's records with any result of these settings."""
-    found = [_read_study(kind, records, settings) for kind in KINDS]
-    return [study for study in found if study.results]
+    studies = [_read_study(kind, records, settings) for kind in KINDS]
+    return [study for study in studies if study.results]
 
 
 def _read_study(kind: StudyKind, records: Path, settings: Mapping[str, Any]) -> StudyResults:
-    """Of several with other data or budgets, that with the most results."""
+    """The study with the most results, of several with other data or budgets."""
     results = load_results(records / kind.folder, scene=settings)
     counts = Counter((result.mark, result.budget) for result in results)
     mark, budget = max(counts, key=lambda one: (counts[one], one[1]), default=("", 0.0))
@@ -82,6 +82,6 @@ def _read_study(kind: StudyKind, records: Path, settings: Mapping[str, Any]) -> 
 
 
 def published_study(folder: str, published: Mapping[str, Any]) -> StudyResults:
-    """What an earlier page said of a study."""
+    """A study as an earlier page describes it."""
     kind = next(kind for kind in KINDS if kind.folder == folder)
     return StudyResults(kind, published=published)

@@ -1,9 +1,10 @@
-"""Measure the Taylor-Green solver and write what was found into docs/taylor_green.md and docs/taylor_green.png.
+"""Measure the Taylor-Green solver and write docs/taylor_green.md and docs/taylor_green.png.
 
     OMP_NUM_THREADS=1 python -m research.benchmarks.simulation.taylor_green [--finest] [--parts scene steps]
     [--machine "two shared cores"]
 
-Accuracy does not depend on the machine; times do.  About eight minutes of one core, most of them for the runs at 256³, and 2 GB.
+Accuracy does not depend on the machine; times do. Takes about eight minutes on one core, most of them for the runs at
+256³, and 2 GB.
 """
 
 from __future__ import annotations
@@ -153,7 +154,7 @@ def scene() -> str:
 
 
 def finest() -> str:
-    """How far the finest runs above are themselves from 384³, at the hardest Re: Q on m³ points solved on n³."""
+    """Difference of the finest runs above from 384³, at the hardest Re: Q on m³ points solved on n³."""
     rows = []
     for m in (64, 128):
         for t in (5.0, 6.0, 7.0, 8.0):
@@ -167,30 +168,30 @@ def finest() -> str:
 def q_on(points: int, resolution: int, reynolds: float) -> dict[float, NDArray[np.float32]]:
     """Q (z, y, x) at t = 5 ... 8 of the velocity that `points`³ keep of a run on `resolution`³."""
     flow = TaylorGreen(resolution=resolution, reynolds=reynolds)
-    found = {}
+    fields = {}
     for t, state in states(resolution, reynolds).items():
         coarse, modes = flow.coarsened(state, points)
-        found[t] = coarse.q_criterion(modes)
-    return found
+        fields[t] = coarse.q_criterion(modes)
+    return fields
 
 
 @cache
 def states(resolution: int, reynolds: float) -> dict[float, FlowState]:
     flow = TaylorGreen(resolution=resolution, reynolds=reynolds)
-    found, state = {}, flow.initial()
+    states_at, state = {}, flow.initial()
     for t in (5.0, 6.0, 7.0, 8.0):
-        found[t] = state = flow.advance(state, until=t)
-    return found
+        states_at[t] = state = flow.advance(state, until=t)
+    return states_at
 
 
 def convergence() -> str:
     names, cfls = ("vortex: energy", "helical: energy", "helical: helicity"), (1.0, 0.5, 0.25, 0.125)
-    found = [invariants(cfl) for cfl in cfls]
+    rows_by_cfl = [invariants(cfl) for cfl in cfls]
     rows = []
-    for i, (cfl, errors) in enumerate(zip(cfls, found, strict=True)):
+    for i, (cfl, errors) in enumerate(zip(cfls, rows_by_cfl, strict=True)):
         cells = [f"{cfl:g}"]
         for j, error in enumerate(errors):
-            order = "" if i == 0 else f"{np.log2(found[i - 1][j] / error):.2f}"
+            order = "" if i == 0 else f"{np.log2(rows_by_cfl[i - 1][j] / error):.2f}"
             cells += [f"{error:.1e}", order]
         rows.append(cells)
     return table(["CFL", *(cell for name in names for cell in (name, "order"))], rows)
@@ -259,8 +260,8 @@ def twins() -> str:
         box = PeriodicBox(n, flow.viscosity, dtype="float64", cfl=0.1)
         start = box.initial(flow.velocity(flow.initial()))
         until = 5.0 if n == 32 else 2.0
-        found = flow.velocity(flow.advance(flow.initial(), until=until))
-        difference = np.abs(found - box.velocity(box.advance(start, until=until))).max()
+        velocity = flow.velocity(flow.advance(flow.initial(), until=until))
+        difference = np.abs(velocity - box.velocity(box.advance(start, until=until))).max()
         flow, box = replace(flow, dtype="float32", cfl=0.5), replace(box, dtype="float32", cfl=0.5)
         plain = processor_seconds(
             lambda box=box, flow=flow: box.advance(box.initial(flow.velocity(flow.initial())), until=5.0)
@@ -280,14 +281,14 @@ def times(resolutions: Sequence[int]) -> str:
 
 
 def figure(reference: NDArray[np.float64], resolutions: Sequence[int]) -> None:
-    known, fine = reference[reference[:, 0] <= 10.0], history(256, 2500.0)
+    rows, fine = reference[reference[:, 0] <= 10.0], history(256, 2500.0)
     with panels(FIGURE, 3, width=4.3) as (energy, dissipation, error):
         for n in resolutions:
             run = history(n, 1600.0)
             energy.plot(run.times, run.energy, label=f"{n}³")
             dissipation.plot(run.times, run.dissipation, label=f"{n}³")
-        energy.plot(known[:, 0], known[:, 1], "k.", label="512³, Dairay et al. 2017")
-        dissipation.plot(known[:, 0], known[:, 3], "k.", label="512³, Dairay et al. 2017")
+        energy.plot(rows[:, 0], rows[:, 1], "k.", label="512³, Dairay et al. 2017")
+        dissipation.plot(rows[:, 0], rows[:, 3], "k.", label="512³, Dairay et al. 2017")
         energy.set(xlabel="t", ylabel="kinetic energy", title="Re 1600")
         dissipation.set(xlabel="t", ylabel="dissipation 2νΩ", title="Re 1600")
         for n in (64, 96, 128, 192):
@@ -300,7 +301,7 @@ def figure(reference: NDArray[np.float64], resolutions: Sequence[int]) -> None:
 
 
 def load_reference() -> NDArray[np.float64]:
-    """The reference's rows; ends the benchmark, saying how to go on, where the real data are not here."""
+    """The reference's rows; ends the benchmark with instructions where the real data are missing."""
     path = Path(os.environ.get("GS_SURROGATE_DATA", PROJECT.parent / "shared" / "data")) / REFERENCE
     if path.is_file():
         return np.loadtxt(path)
@@ -314,11 +315,13 @@ def main() -> None:
     parser.add_argument("--parts", nargs="+", metavar="PART", help="measure only these, and leave the figure")
     arguments = parser.parse_args()
     reference = load_reference()
-    known = sections(reference, arguments.finest)
-    if unknown := set(arguments.parts or ()) - set(known):
-        parser.error(f"there are no parts {sorted(unknown)}; known are {', '.join(known)}")
+    available = sections(reference, arguments.finest)
+    if unknown := set(arguments.parts or ()) - set(available):
+        parser.error(f"there are no parts {sorted(unknown)}; known are {', '.join(available)}")
     parts = {
-        name: partial(titled_part, *section) for name, section in known.items() if name in (arguments.parts or known)
+        name: partial(titled_part, *section)
+        for name, section in available.items()
+        if name in (arguments.parts or available)
     }
     command = "simulation.taylor_green" + " --finest" * arguments.finest
     folders = "insitu/simulations", "research/benchmarks/simulation/taylor_green.py"
@@ -335,7 +338,7 @@ def titled_part(title: str, measure: Callable[[], str]) -> str:
 
 def sections(reference: NDArray[np.float64], with_finest: bool) -> dict[str, tuple[str, Callable[[], str]]]:
     """Title and measurement by name."""
-    found: dict[str, tuple[str, Callable[[], str]]] = {
+    parts: dict[str, tuple[str, Callable[[], str]]] = {
         "reference": (
             "Against the reference at Re 1600 (largest deviation; dissipation relative to the peak)",
             lambda: against_reference(reference, RESOLUTIONS),
@@ -359,7 +362,7 @@ def sections(reference: NDArray[np.float64], with_finest: bool) -> dict[str, tup
         "twins": ("Symmetric and plain solver (float64 at CFL 0.1; times: float32 at CFL 0.5 to t = 5)", twins),
         "times": ("Time of one member on one core (float32, CFL 0.5)", lambda: times(RESOLUTIONS)),
     }
-    return found if with_finest else {name: section for name, section in found.items() if name != "finest"}
+    return parts if with_finest else {name: section for name, section in parts.items() if name != "finest"}
 
 
 if __name__ == "__main__":

@@ -1,9 +1,10 @@
-"""How long averages of a transfer function take on one core, and how far they lie from quadrature in float64.
+"""Time of averages of a transfer function on one core, and their error against quadrature in float64.
 
     python -m research.benchmarks.splatting.averages [--quick] [--seconds 2]
 
-Gaussians that carry values are drawn with a function's extinction and emission averaged under normal distributions.  An error is
-that of the worst of the four, by the averaged extinction or by 1 % of the function's largest.  Prints Markdown.
+Gaussians that carry values are rendered with a function's extinction and emission averaged under normal distributions.
+The error is that of the worst of the four, relative to the averaged extinction or to 1 % of the function's largest.
+Prints Markdown.
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ from surrogate.appearance.transferred import LEAST_DEPTH, RANGES, AverageTable, 
 
 SPREADS = (LEAST_SPREAD, 0.01, 0.04, 0.15, MOST_SPREAD)
 SIZES = (20_000, 60_000)  # Gaussians
-STEP = 1e-12  # width of what stands for a step
+STEP = 1e-12  # width of a step
 
 
 def scene_function(scene: str) -> TransferFunction:
@@ -68,12 +69,12 @@ def functions() -> dict[str, tuple[TransferFunction, NDArray[np.float64]]]:
 
 
 def by_kernel(made: AverageTable, values: NDArray[np.float32], spread: float) -> NDArray[np.float64]:
-    """The four averages (M, 4) that Gaussians get whose depth is 10 where the extinction is largest; NaN where it is cut."""
+    """The four averages (M, 4) of Gaussians whose depth is 10 where the extinction is largest; NaN where it is clipped."""
     depth = torch.full((len(values),), 10.0 / float(made.nodes.columns[:, 0].max()))  # [M], where the extinction is 1
     logits = logit_of_depth(depth)  # [M]
     latents = torch.from_numpy(np.stack([values, np.full_like(values, np.log(spread))], axis=1))  # [M, 2]
-    found, colors = apply(made, logits, latents)
-    depths = torch.nn.functional.softplus(found.double())  # [M]
+    drawn, colors = apply(made, logits, latents)
+    depths = torch.nn.functional.softplus(drawn.double())  # [M]
     depths = torch.where(depths > 1.001 * LEAST_DEPTH, depths, torch.nan)
     extinctions = depths / torch.nn.functional.softplus(logits.double())  # [M]
     return torch.cat([extinctions[:, None], extinctions[:, None] * colors], dim=1).numpy()
@@ -113,7 +114,7 @@ def accuracy(count: int) -> str:
 
 
 def passes(made: AverageTable, count: int) -> dict[str, Callable[[], object]]:
-    """What is timed of `count` Gaussians, by name."""
+    """The timed calls on `count` Gaussians, by name."""
     random = torch.Generator().manual_seed(0)
     logits, means, log_spreads = (torch.rand(count, generator=random) for _ in range(3))
     values = torch.stack([means, -1.0 - 4.0 * log_spreads], dim=1)  # [N, 2]

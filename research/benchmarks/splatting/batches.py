@@ -77,7 +77,7 @@ def measured(surrogate: Surrogate, sizes: Sequence[int], counts: Sequence[int], 
 
 
 def _loop(surrogate: Surrogate, parameters: np.ndarray, cameras: Sequence[Camera], count: int) -> None:
-    """The same pictures as one would draw them singly: a member that many cameras see is deformed once."""
+    """The same images rendered singly: a member with many cameras is deformed once."""
     names = surrogate.space.names
     member = surrogate.at(**dict(zip(names, parameters[0].tolist(), strict=True)))
     for k in range(count):

@@ -1,9 +1,10 @@
-"""How long a change of parameters takes on one core: of the simulation's alone, and with an isovalue or a transfer function.
+"""Time of a parameter change on one core: of the simulation's alone, and with an isovalue or a transfer function.
 
     python -m research.benchmarks.splatting.changes [--gaussians 20000] [--seconds 5]
 
-The models are made up, because it takes as long whatever their numbers are: of the sizes that training starts with, colours of
-degree 0 at the base and of degree 1 on isosurfaces.  Every call goes to a place of its own.  Prints Markdown.
+The models are synthetic, because the time does not depend on their numbers. They have the sizes that training starts
+with, colours of degree 0 at the base and of degree 1 on isosurfaces. Every call goes to different parameters. Prints
+Markdown.
 """
 
 from __future__ import annotations
@@ -32,7 +33,7 @@ from surrogate.settings import TrainingSettings
 
 SETTINGS = TrainingSettings()
 MOST = 100_000  # calls of one kind, however short
-PLACES = 1009  # after so many calls the first is gone to again
+PLACES = 1009  # number of different parameters
 COLORS = ((0.0, 0.2, 0.3, 0.8), (1.0, 0.9, 0.9, 0.5), (3.0, 0.8, 0.1, 0.1))
 BASE = VolumeRendering("dvr", TransferFunction(COLORS, ((0.0, 0.0), (1.0, 0.3), (2.0, 0.6), (3.0, 1.0)), 0.3))
 
@@ -73,14 +74,14 @@ def made_up(count: int) -> Surrogate:
 
 
 def random_places(space: ParameterSpace) -> Iterator[dict[str, float]]:
-    """Evenly drawn within the bounds, over and over again."""
+    """Uniformly random parameters within the bounds, repeated without end."""
     random, (low, high) = np.random.default_rng(0), np.array([(p.low, p.high) for p in space.parameters]).T
     drawn = random.uniform(low, high, (PLACES, len(space))).tolist()
     return itertools.cycle([dict(zip(space.names, place, strict=True)) for place in drawn])
 
 
 def changes(surrogate: Surrogate) -> dict[str, Callable[[], object]]:
-    """Calls that each go to another place, by what they change."""
+    """Calls that each go to different parameters, by what they change."""
     of_simulation = random_places(surrogate.space)
     calls: dict[str, Callable[[], object]] = {"simulation": lambda: surrogate.at(**next(of_simulation))}
     for visualization in surrogate.visualizations:

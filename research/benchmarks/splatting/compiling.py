@@ -17,7 +17,7 @@ WIDTHS = {"avx512": 16, "avx2": 8, "baseline": 4}  # floats in a vector
 
 
 def compiled(source: Path, program: Path, instruction_set: str, *options: str) -> Path:
-    """The `program` that g++ makes of `source` for this instruction set; raises RuntimeError with what g++ says where it fails."""
+    """Compile `source` to `program` for this instruction set; raises RuntimeError with the message of g++ where it fails."""
     command: Sequence[str] = [
         "g++",
         *FLAGS,

@@ -1,4 +1,4 @@
-"""What the constants and rules that are compiled into gsplat, or usual elsewhere, change in the picture of the same Gaussians."""
+"""Effect of constants and rules that are compiled into gsplat, or usual elsewhere, on the image of the same Gaussians."""
 
 from __future__ import annotations
 
@@ -58,11 +58,11 @@ def drawn_by_rule(view: View, count: int) -> dict[str, Tensor]:
 
 def _drawn(view: View, pixels: Tensor, rule: Constants, stops_before: bool) -> Tensor:
     splats = reference.project(Primitives(*(tensor.double() for tensor in view.scene)), view.camera, rule)
-    found = []
+    parts = []
     for some in pixels.split(AT_ONCE):
         alphas = reference.alphas_at(some, splats, rule)  # [P, M]
         if stops_before:
             left = torch.cumprod(1.0 - alphas, dim=1)  # [P, M]
             alphas = torch.where((left <= rule.min_transmittance).cumsum(dim=1) > 0, 0.0, alphas)
-        found.append(reference.composite(alphas, splats.colors))
-    return torch.cat(found)
+        parts.append(reference.composite(alphas, splats.colors))
+    return torch.cat(parts)

@@ -1,10 +1,10 @@
-"""What splatting must do at least, and how long this machine would take for that.
+"""Minimal work of splatting, and the time that this machine needs for it at least.
 
-Counted from the loops over blocks of pixels in surrogate/kernels/src/tiles.inc, term by term, per (pixel, Gaussian)
-pair that is drawn.  A
-fused multiply-add is two floating-point operations (flops) but occupies a vector unit once, as does every other arithmetic
-instruction; so the floor counts instructions at the measured rate of fused multiply-adds.  Loads, stores and bit masks
-are not counted, nor the pixels of a block that a Gaussian does not draw in: the floor is below what any kernel can reach.
+Counted term by term from the loops over blocks of pixels in surrogate/kernels/src/tiles.inc, per (pixel, Gaussian) pair
+that is drawn. A fused multiply-add is two floating-point operations (flops) but occupies a vector unit once, as does
+every other arithmetic instruction. The floor therefore counts instructions at the measured rate of fused multiply-adds.
+Loads, stores and bit masks are not counted, nor are pixels of a block outside the Gaussian: the floor is below what any
+kernel can reach.
 """
 
 from __future__ import annotations
@@ -67,7 +67,7 @@ class Work:
 
 
 class Peak(NamedTuple):
-    """What the machine reaches when it does nothing else: 10^9 flops per second, 10^9 bytes per second."""
+    """Peak rates of the idle machine: 10^9 flops per second, 10^9 bytes per second."""
 
     gigaflops: float
     gigabytes: float
@@ -86,7 +86,7 @@ class Peak(NamedTuple):
         return 2.0 * REFERENCE_LOOP / self.gigaflops / 1e6
 
     def floor_ms(self, work: Work) -> float:
-        """Milliseconds below which `work` cannot be done: at full rate of arithmetic, or of memory where that is longer."""
+        """Least milliseconds for `work`: at the peak rate of arithmetic, or of memory where that takes longer."""
         return max(2.0 * work.instructions / self.gigaflops, work.bytes / self.gigabytes) / 1e6
 
     def share(self, work: Work, milliseconds: float) -> float:
@@ -112,5 +112,5 @@ def _pairs(terms: Mapping[str, tuple[int, int]], interactions: int) -> Work:
 
 
 def _projection(doubles: int, gaussians: int) -> Work:
-    """Most of these come as multiplications and additions that fuse in pairs."""
+    """Work of projections; most of it consists of multiplications and additions that fuse in pairs."""
     return Work(2 * doubles * gaussians, doubles * gaussians, 0)

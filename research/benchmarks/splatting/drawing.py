@@ -1,4 +1,4 @@
-"""One scene drawn one way: how long it takes, and how far picture and gradients are from the float64 twin."""
+"""Time of rendering one scene, and the error of image and gradients against the float64 reference."""
 
 from __future__ import annotations
 
@@ -7,7 +7,13 @@ from typing import Any
 
 import torch
 
-from research.benchmarks.splatting.twin import Errors, ReferenceDrawing, gradient_error, image_errors, picture_at
+from research.benchmarks.splatting.reference_patches import (
+    Errors,
+    ReferenceDrawing,
+    gradient_error,
+    image_errors,
+    picture_at,
+)
 from research.benchmarks.splatting.workloads import View
 from research.benchmarks.timing import MeasuredTime, measured_in_turn
 from surrogate.splatting import Primitives, Rendering, draw
@@ -15,7 +21,7 @@ from surrogate.splatting import Primitives, Rendering, draw
 
 @dataclass(frozen=True)
 class DrawingMeasurement:
-    """Milliseconds of the forward pass, the backward pass and both; errors of the picture and of the gradients."""
+    """Milliseconds of the forward pass, the backward pass and both; errors of the image and of the gradients."""
 
     forward: MeasuredTime
     backward: MeasuredTime
@@ -24,11 +30,11 @@ class DrawingMeasurement:
     gradient: float
 
     def times(self) -> list[str]:
-        """Of the forward pass, the backward pass and both."""
+        """Times of the forward pass, the backward pass and both, for a table."""
         return [str(self.forward), str(self.backward), str(self.both)]
 
     def error_cells(self) -> list[str]:
-        """PSNR, largest difference, largest gradient error."""
+        """PSNR, largest difference and largest gradient error, for a table."""
         return [f"{self.image.decibels:.1f}", f"{self.image.largest:.0e}", f"{self.gradient:.0e}"]
 
 
@@ -36,8 +42,8 @@ TIMES = ("forward, ms", "backward, ms", "sum, ms")
 ERROR_HEADER = ("PSNR against float64, dB", "largest image error", "largest gradient error")
 
 
-def measure(view: View, twin: ReferenceDrawing, seconds: float, **options: Any) -> DrawingMeasurement:
-    """Draw and differentiate for `seconds`, then compare with the twin."""
+def measure(view: View, exact: ReferenceDrawing, seconds: float, **options: Any) -> DrawingMeasurement:
+    """Render and differentiate for `seconds`, then compare with the reference."""
     leaves = Primitives(*(tensor.clone().requires_grad_() for tensor in view.scene))
     view, camera = view._replace(scene=leaves), view.camera
     wait = torch.cuda.synchronize if leaves.means.is_cuda else lambda: None
@@ -57,15 +63,15 @@ def measure(view: View, twin: ReferenceDrawing, seconds: float, **options: Any) 
         wait()
 
     forward_ms, backward_ms, both = measured_in_turn([forward, backward], seconds)
-    image, gradient = errors(view, twin, **options)
+    image, gradient = errors(view, exact, **options)
     return DrawingMeasurement(forward_ms, backward_ms, both, image, gradient)
 
 
-def errors(view: View, twin: ReferenceDrawing, **options: Any) -> tuple[Errors, float]:
-    """Errors of the picture, and of the gradients of the twin's functional (nan where the twin has none)."""
+def errors(view: View, exact: ReferenceDrawing, **options: Any) -> tuple[Errors, float]:
+    """Errors of the image, and of the gradients of the reference's functional (nan where it has none)."""
     drawn = draw(*view, **options)
-    picture = picture_at(Rendering(drawn.color.cpu(), drawn.alpha.cpu()), twin.pixels)  # [P, 4]
-    if not twin.gradients:
-        return image_errors(picture, twin), float("nan")
-    found = torch.autograd.grad((picture * twin.weights.to(picture)).sum(), view.scene)
-    return image_errors(picture, twin), gradient_error([gradient.cpu() for gradient in found], twin)
+    picture = picture_at(Rendering(drawn.color.cpu(), drawn.alpha.cpu()), exact.pixels)  # [P, 4]
+    if not exact.gradients:
+        return image_errors(picture, exact), float("nan")
+    gradients = torch.autograd.grad((picture * exact.weights.to(picture)).sum(), view.scene)
+    return image_errors(picture, exact), gradient_error([gradient.cpu() for gradient in gradients], exact)

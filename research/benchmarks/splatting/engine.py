@@ -8,8 +8,8 @@ import torch
 from research.benchmarks.page import table
 from research.benchmarks.splatting.counting import Peak, Work, backward_work, forward_work
 from research.benchmarks.splatting.drawing import ERROR_HEADER, TIMES, DrawingMeasurement, measure
+from research.benchmarks.splatting.reference_patches import InteractionCounts, draw_patches
 from research.benchmarks.splatting.setup import Setup, said
-from research.benchmarks.splatting.twin import InteractionCounts, ask
 from research.benchmarks.splatting.workloads import FIXED, OTHERS, Workload
 from research.benchmarks.timing import digits, measured
 from surrogate import kernels
@@ -24,15 +24,15 @@ SMALL = Workload("translucent", 64, 2_000, (2, 6), (0.02, 0.2))
 def fixed(setup: Setup) -> str:
     """256², 20k translucent Gaussians, by instruction set and threads, beside what the machine could do at most."""
     view = FIXED.view()
-    setup.say("the float64 twin, every pixel")
-    whole = ask(view, gradients=False).counted
-    twin = ask(view, setup.patches)
+    setup.say("the float64 reference, every pixel")
+    whole = draw_patches(view, gradients=False).counted
+    exact = draw_patches(view, setup.patches)
     rows, limits = [], []
     for name in setup.instruction_sets:
         for threads in setup.threads:
             setup.say(f"{FIXED.title}: {name}, {said(threads)}")
             peak = Peak.measure(name, threads, setup.seconds / 4)
-            drawn = measure(view, twin, setup.seconds, threads=threads, instruction_set=name)
+            drawn = measure(view, exact, setup.seconds, threads=threads, instruction_set=name)
             ratio = f"{drawn.both.median / peak.loop_ms():.2f}"
             rows.append([name, str(threads), *drawn.times(), ratio, *drawn.error_cells()])
             rates = [f"{peak.gigaflops:.0f}", f"{peak.gigabytes:.0f}"]
@@ -79,10 +79,10 @@ def others(setup: Setup) -> str:
     for workload in OTHERS[2:3] if setup.quick else OTHERS:
         setup.say(workload.title)
         view = workload.view()
-        twin = ask(view, setup.patches)
-        drawn = measure(view, twin, setup.seconds, threads=1)
-        pairs = twin.counted.interactions / twin.counted.pixels * workload.size**2  # spread over the frame
-        counted = [digits(pairs / 1e6), f"{twin.counted.depth:.0f}"]
+        exact = draw_patches(view, setup.patches)
+        drawn = measure(view, exact, setup.seconds, threads=1)
+        pairs = exact.counted.interactions / exact.counted.pixels * workload.size**2  # spread over the frame
+        counted = [digits(pairs / 1e6), f"{exact.counted.depth:.0f}"]
         rows.append([workload.title, *counted, *drawn.times(), *drawn.error_cells()])
     header = ["scene", "pairs, M", "per covered pixel", *TIMES, *ERROR_HEADER]
     return table(header, rows)
@@ -92,7 +92,7 @@ def backends(setup: Setup) -> str:
     """The kernels beside the plain-torch definition, on a scene that torch can manage."""
     workload = SMALL.with_count(500) if setup.quick else SMALL
     view = workload.view()
-    twin = ask(view)
+    exact = draw_patches(view)
     cases: list[tuple[str, Primitives, dict[str, object]]] = [
         (f"cpu, {name}", view.scene, {"threads": 1, "instruction_set": name}) for name in setup.instruction_sets
     ]
@@ -101,7 +101,7 @@ def backends(setup: Setup) -> str:
     rows = []
     for name, tensors, options in cases:
         setup.say(f"{workload.title}: {name}")
-        drawn = measure(view._replace(scene=tensors), twin, setup.seconds, **options)
+        drawn = measure(view._replace(scene=tensors), exact, setup.seconds, **options)
         rows.append([name, *drawn.times(), *drawn.error_cells()])
     return f"{workload.title} Gaussians, one thread.\n\n" + table(["backend", *TIMES, *ERROR_HEADER], rows)
 

@@ -2,8 +2,8 @@
 
     python -m research.benchmarks.splatting.gpu [--device cpu] [--quick] [--output DIRECTORY]
 
-A few minutes, most of them of the float64 twin on the CPU; the data are made here.  `--device cpu` tries the command where no
-GPU is, and writes to runs/bench/.
+Takes a few minutes, most of them for the float64 reference on the CPU; the data are made here. `--device cpu` tries the
+command without a GPU, and writes to runs/bench/.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ import torch
 
 from research.benchmarks.page import DOCS, PROJECT, command_line, made_by, page_in, stopwatch, table, write_parts
 from research.benchmarks.splatting.drawing import ERROR_HEADER, measure
-from research.benchmarks.splatting.twin import ask
+from research.benchmarks.splatting.reference_patches import draw_patches
 from research.benchmarks.splatting.workloads import FIXED, OTHERS, Workload
 from research.benchmarks.timing import MeasuredTime, digits, measured
 from surrogate.deformation.bilinear import BilinearDeformation
@@ -61,7 +61,7 @@ def main() -> None:
 
 
 def explore(device: torch.device, quick: bool, seconds: float, say: Callable[[str], None]) -> str:
-    """What a change of the view and of the parameters take, as a user sees it: with the picture in main memory."""
+    """Times of a view change and of a parameter change, with the image in main memory."""
     workload = _sized(LARGE, quick)
     gaussians, deformation = _model(workload, device)
     camera, rasterizer = workload.camera(), Rasterizer()
@@ -86,15 +86,15 @@ def explore(device: torch.device, quick: bool, seconds: float, say: Callable[[st
 
 
 def drawing(device: torch.device, quick: bool, seconds: float, say: Callable[[str], None]) -> str:
-    """Forward and backward, and their errors against the float64 twin."""
+    """Forward and backward pass, and their errors against the float64 reference."""
     rows = []
     for workload in [FIXED, *OTHERS, LARGE][: 2 if quick else None]:
         workload = _sized(workload, quick)
         say(workload.title)
         view = workload.view()
-        twin = ask(view, 8 if quick else 48)
+        exact = draw_patches(view, 8 if quick else 48)
         moved = view._replace(scene=Primitives(*(tensor.to(device) for tensor in view.scene)))
-        drawn = measure(moved, twin, seconds)
+        drawn = measure(moved, exact, seconds)
         rows.append([workload.title, *drawn.times(), *drawn.error_cells()])
     return table(["scene", "forward, ms", "backward, ms", "both, ms", *ERROR_HEADER], rows)
 

@@ -1,4 +1,4 @@
-"""How far results differ between machines: scenes trained and scored with the instruction sets of older processors.
+"""Differences of results between machines: scenes trained and scored with the instruction sets of older processors.
 
     python -m research.benchmarks.splatting.instruction_sets SCENE... [--sets avx2 baseline] [--seeds 2] [--runs
     runs] [--records research/records]
@@ -40,14 +40,14 @@ def emulated(name: str) -> dict[str, str]:
 
 
 def load(records: Path, settings: Mapping[str, Any]) -> dict[str, list[Scores]]:
-    """What is kept of a scene with these settings, by set and seed; `records` is the folder of its records."""
+    """Stored scores of a scene with these settings, by set and seed; `records` is the folder of its records."""
     folders = sorted(path for path in (records / FOLDER).glob("*") if path.is_dir())
-    found = {folder.name: load_scores(folder, settings=settings) for folder in folders}
-    return {name: scores for name, scores in found.items() if scores}
+    by_set = {folder.name: load_scores(folder, settings=settings) for folder in folders}
+    return {name: scores for name, scores in by_set.items() if scores}
 
 
 def measure(path: Path, name: str, seeds: int, runs: Path, records: Path) -> None:
-    """Train a scene with a set; in a process of its own, for torch chooses once.
+    """Train a scene with an instruction set, in its own process, because torch chooses one per process.
 
     Raises ValueError where this machine lacks the set or training fails.
     """
@@ -67,7 +67,7 @@ def measure(path: Path, name: str, seeds: int, runs: Path, records: Path) -> Non
 
 
 def in_words(scores: Mapping[str, list[Scores]]) -> str:
-    """A line a set, for the terminal."""
+    """A line for each set, for the terminal."""
     lines = []
     for name, seeds in scores.items():
         psnr = [one.cells["psnr"]["unseen_views"]["unseen_parameters"] for one in seeds]

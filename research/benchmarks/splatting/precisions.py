@@ -1,4 +1,4 @@
-"""What a picture loses when the model is stored in fewer bits; it is always drawn in float32."""
+"""Loss of image quality when the model is stored in fewer bits; rendering is always in float32."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ import numpy as np
 from torch import Tensor
 
 from research.benchmarks.page import table
+from research.benchmarks.splatting.reference_patches import decibels
 from research.benchmarks.splatting.setup import Setup
 from research.benchmarks.splatting.trained import TrainedModels, mean_decibels, pictures
-from research.benchmarks.splatting.twin import decibels
 from surrogate.deformation import load_deformation
 from surrogate.evaluation.metrics import composite
 from surrogate.gaussians import Gaussians
@@ -31,7 +31,7 @@ PRECISIONS: dict[str, tuple[int, Callable[[Tensor], Tensor]]] = {
 
 
 def stored(surrogate: Surrogate, keep: Callable[[Tensor], Tensor]) -> Surrogate:
-    """The model as it comes back from a file that holds its tensors with less precision."""
+    """The model as read from a file that stores its tensors with less precision."""
     deformation = surrogate.deformation
     tensors = {name: keep(tensor) for name, tensor in deformation.stored().items()}
     return replace(

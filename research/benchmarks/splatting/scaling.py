@@ -1,4 +1,4 @@
-"""How time grows with the number of Gaussians and with the size of the picture."""
+"""Scaling of time with the number of Gaussians and with the size of the image."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ from typing import Any
 from research.benchmarks.page import table
 from research.benchmarks.splatting.drawing import ERROR_HEADER, TIMES, DrawingMeasurement, measure
 from research.benchmarks.splatting.figures import panels, plain_ticks, with_spread
+from research.benchmarks.splatting.reference_patches import InteractionCounts, draw_patches
 from research.benchmarks.splatting.setup import Setup, said
-from research.benchmarks.splatting.twin import InteractionCounts, ask
 from research.benchmarks.splatting.workloads import FIXED, Workload, thousands
 
 COUNTS = (1_000, 3_000, 10_000, 30_000, 100_000, 300_000, 1_000_000)
@@ -42,15 +42,15 @@ def scaling(setup: Setup) -> str:
 
 
 def _series(workloads: dict[int, Workload], setup: Setup) -> Series:
-    found: Series = {}
+    series: Series = {}
     for number, workload in workloads.items():
         setup.say(workload.title)
         view = workload.view()
-        twin = ask(view, setup.patches)
+        exact = draw_patches(view, setup.patches)
         for threads in setup.threads:
-            drawn = measure(view, twin, setup.seconds / 2, threads=threads)
-            found[number, threads] = drawn, twin.counted
-    return found
+            drawn = measure(view, exact, setup.seconds / 2, threads=threads)
+            series[number, threads] = drawn, exact.counted
+    return series
 
 
 def _table(what: str, series: Series) -> str:

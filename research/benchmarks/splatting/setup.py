@@ -1,4 +1,4 @@
-"""What every part of the benchmark is told."""
+"""Options shared by every part of the benchmark."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from surrogate.splatting.threads import cores
 
 @dataclass(frozen=True)
 class Setup:
-    """How long and where.
+    """Options of the benchmark.
 
     Attributes
     ----------
     quick : a few points, each for a moment: to try the command, not to quote.
     output : folder of the page and its plots.
     runs : folder of the scenes' catalogs.
-    say : tells the user what is being done.
+    say : reports progress to the user.
     """
 
     quick: bool
@@ -32,22 +32,22 @@ class Setup:
 
     @property
     def seconds(self) -> float:
-        """For each timed point."""
+        """Seconds for each timed point."""
         return 0.1 if self.quick else 1.2
 
     @property
     def patches(self) -> int:
-        """Of 8 x 8 pixels, in which a picture is compared with the twin."""
+        """Number of 8 x 8 patches in which an image is compared with the reference."""
         return 6 if self.quick else 64
 
     @property
     def threads(self) -> tuple[int, ...]:
-        """One, and two where there are two cores."""
+        """Thread counts: one, and two where there are two cores."""
         return (1, 2) if cores() > 1 else (1,)
 
     @property
     def instruction_sets(self) -> list[str]:
-        """This machine's, the best first."""
+        """Instruction sets of this machine, the best first."""
         return list(kernels.instruction_sets())
 
 
@@ -57,7 +57,7 @@ def said(threads: int) -> str:
 
 @contextmanager
 def limited_to(threads: int) -> Iterator[None]:
-    """Let this process have so many cores, where the system can; it takes a thread for each."""
+    """Limit this process to `threads` cores, where the system can; it uses a thread for each."""
     if not hasattr(os, "sched_setaffinity"):
         if threads != cores():
             raise OSError(f"this system can't limit a process to {threads} of {cores()} cores")

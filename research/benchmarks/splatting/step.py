@@ -1,4 +1,4 @@
-"""A whole training step of stage 2 and where its time goes."""
+"""Time of a training step of stage 2, in parts."""
 
 from __future__ import annotations
 
@@ -35,14 +35,14 @@ SETTINGS = TrainingSettings(relocation_interval=0)
 
 @dataclass(frozen=True, eq=False)
 class StepSetup:
-    """What steps are taken on: a stage whose rates move nothing, so that the workload stays what it is, and one image."""
+    """The subject of timed steps: a stage whose rates move nothing, so that the workload stays the same, and one image."""
 
     stage: Stage
     example: Example
 
 
 def training(workload: Workload) -> StepSetup:
-    """Stage 2 of one parameter on the workload's Gaussians; the image is their own picture in 8 bits."""
+    """Stage 2 of one parameter on the workload's Gaussians; the image is their own rendering in 8 bits."""
     gaussians, camera = workload.gaussians(), workload.camera()
     rendering = Rasterizer.of(SETTINGS).draw(gaussians, camera)
     rgba = torch.cat([rendering.color.clamp(0, 1), rendering.alpha.unsqueeze(-1)], dim=2)  # [H, W, 4]
@@ -53,14 +53,16 @@ def training(workload: Workload) -> StepSetup:
     return StepSetup(stage, Example(camera, torch.tensor([0.3]), np.ascontiguousarray(pixels)))
 
 
-def whole_step(kept: StepSetup, seconds: float) -> MeasuredTime:
+def whole_step(setup: StepSetup, seconds: float) -> MeasuredTime:
     """One step as training takes it."""
-    return measured(StageRun(kept.stage, SETTINGS, TrainingData([kept.example], [], None)).advance, seconds, most=1000)
+    return measured(
+        StageRun(setup.stage, SETTINGS, TrainingData([setup.example], [], None)).advance, seconds, most=1000
+    )
 
 
-def step_parts(kept: StepSetup, seconds: float) -> list[MeasuredTime]:
+def step_parts(setup: StepSetup, seconds: float) -> list[MeasuredTime]:
     """The same calls one by one: a measurement per entry of `PARTS`, and the sum."""
-    stage, example = kept.stage, kept.example
+    stage, example = setup.stage, setup.example
     adam, rasterizer = Adam(stage.tensors, stage.rates, shared=stage.shared), Rasterizer.of(SETTINGS)
     state: dict[str, Any] = {}
 
@@ -83,17 +85,17 @@ def step_parts(kept: StepSetup, seconds: float) -> list[MeasuredTime]:
 
 def step(setup: Setup) -> str:
     """Steps per second, with the parts, on one thread and on two."""
-    kept = training(replace(FIXED, count=2_000) if setup.quick else FIXED)
-    found: dict[tuple[str, int], Steps] = {}
+    subject = training(replace(FIXED, count=2_000) if setup.quick else FIXED)
+    results: dict[tuple[str, int], Steps] = {}
     for name, threads in ((name, threads) for name in setup.instruction_sets for threads in setup.threads):
         setup.say(f"a training step, {name}, {said(threads)}")
         with limited_to(threads), _by(name):
-            found[name, threads] = whole_step(kept, 2 * setup.seconds), step_parts(kept, 2 * setup.seconds)
-    best = {threads: steps for (name, threads), steps in found.items() if name == setup.instruction_sets[0]}
+            results[name, threads] = whole_step(subject, 2 * setup.seconds), step_parts(subject, 2 * setup.seconds)
+    best = {threads: steps for (name, threads), steps in results.items() if name == setup.instruction_sets[0]}
     with panels(setup.output / FIGURE, width=8.0, height=1.2 + 0.55 * len(best)) as axes:
         _plot(axes, best)
     rows = []
-    for (name, threads), (whole, parts) in found.items():
+    for (name, threads), (whole, parts) in results.items():
         rest = whole.median - parts[-1].median
         cells = [str(whole), digits(1e3 / whole.median), *map(str, parts[:-1]), digits(rest)]
         rows.append([name, str(threads), *cells])
@@ -111,8 +113,8 @@ def _by(instruction_set: str) -> Iterator[None]:
         del os.environ[VARIABLE]
 
 
-def _plot(axes: Any, found: dict[int, Steps]) -> None:
-    for threads, (whole, parts) in found.items():
+def _plot(axes: Any, results: dict[int, Steps]) -> None:
+    for threads, (whole, parts) in results.items():
         left = 0.0
         for part, color, taken in zip(PARTS, COLORS, parts[:-1], strict=True):
             axes.barh(said(threads), taken.median, left=left, color=color, label=part if threads == 1 else None)

@@ -1,6 +1,6 @@
-"""Models trained for a given time, and how their pictures compare with those of validation members and views.
+"""Models trained for a given time, and the quality of their images on validation members and views.
 
-Each budget of time is a whole schedule that fits into it, not a longer run cut short.
+Each time budget gets a whole schedule of its own, not a longer run cut short.
 """
 
 from __future__ import annotations
@@ -35,10 +35,10 @@ from surrogate.training.run import train
 
 PREFERRED, FALLBACK = "tgv-dvr", "tiny"
 BUDGETS, QUICK_BUDGETS = (15.0, 30.0, 60.0, 120.0), (2.0, 4.0)  # seconds by `research.studies.ablation.timing.clock`
-PROBE = 0.1  # of the largest budget, spent on measuring first how long steps take
+PROBE = 0.1  # fraction of the largest budget for measuring step times
 POINTS = 12  # of a training curve, about
 FIGURE = "splatting_training.png"
-JUDGED = 96  # validation images for the final number; the curve looks at those that the settings say
+JUDGED = 96  # validation images for the final number; those of the curve are in the settings
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,14 +50,14 @@ class BudgetedFit:
 
     @property
     def curve(self) -> list[tuple[float, float]]:
-        """(seconds, validation PSNR in dB) as the run itself saw it, both stages."""
+        """(seconds, validation PSNR in dB) as recorded by the run, both stages."""
         points: Sequence[Mapping[str, Any]] = self.surrogate.training["curve"]
         return [(p["seconds"], p["psnr"]) for p in points if p["psnr"] is not None]
 
 
 @dataclass(frozen=True, eq=False)
 class TrainedModels:
-    """One scene, and models of it; each is trained when first asked for."""
+    """One scene and its models; each is trained on first use."""
 
     setup: Setup
     fits: dict[float, BudgetedFit] = field(default_factory=dict)
@@ -68,7 +68,7 @@ class TrainedModels:
 
     @property
     def name(self) -> str:
-        """The scene that is there: the standard one, or the smallest, which is made in a moment."""
+        """The available scene: the standard one, or the smallest, which is quick to make."""
         stored = (self.setup.runs / PREFERRED / "catalog.cdb").is_dir()
         return PREFERRED if stored and not self.setup.quick else FALLBACK
 
@@ -88,16 +88,14 @@ class TrainedModels:
 
     @cached_property
     def settings(self) -> TrainingSettings:
-        """Those of the scene for its base appearance, without the choices that follow: what is left out here is what these
-        tables are about.
-        """
-        found = TrainingSettings.from_table(self.scene_file.training)
-        degree = 0 if found.color_degree == "auto" else found.color_degree
-        return found.changed(fit_to_need=False, color_degree=degree, visualization_steps=0)
+        """The scene's settings for its base appearance, without the choices that these tables are about."""
+        settings = TrainingSettings.from_table(self.scene_file.training)
+        degree = 0 if settings.color_degree == "auto" else settings.color_degree
+        return settings.changed(fit_to_need=False, color_degree=degree, visualization_steps=0)
 
     @cached_property
     def step_times(self) -> StepTimes:
-        """How fast this machine trains, from a short run."""
+        """Step times on this machine, from a short run."""
         self.setup.say(f"{self.name}: how fast a step is")
         return measure_step_times(self.settings, self.catalog, PROBE * max(self.budgets))
 
@@ -113,15 +111,15 @@ class TrainedModels:
 
     @property
     def model(self) -> Surrogate:
-        """The one that was trained longest."""
+        """The model that was trained longest."""
         return self.fit(max(self.budgets)).surrogate
 
     def validation(self, count: int) -> list[ImageRow]:
-        """That many images that choices are made on, spread evenly."""
+        """`count` validation images, evenly spread."""
         return validation_rows(self.catalog, self.catalog.appearance_names[:1], count)
 
     def view(self) -> View:
-        """The model as one validation image shows it, in normalized coordinates."""
+        """The view of the model at one validation image, in normalized coordinates."""
         row = self.validation(3)[-1]
         deformed = self.model.at(**row.member.parameters)
         camera, rasterizer = deformed.normalization.camera(row.member.cameras[row.view]), deformed.rasterizer
@@ -138,7 +136,7 @@ class TrainedModels:
 
 
 def pictures(surrogate: Surrogate, rows: Sequence[ImageRow]) -> Iterator[tuple[ImageRow, DeformedGaussians, Camera]]:
-    """What is to be drawn for each row, deformed once per member."""
+    """The deformed Gaussians and camera of each row, deformed once per member."""
     deformed: dict[str, DeformedGaussians] = {}
     for row in rows:
         if row.member.name not in deformed:
@@ -148,18 +146,18 @@ def pictures(surrogate: Surrogate, rows: Sequence[ImageRow]) -> Iterator[tuple[I
 
 def mean_decibels(surrogate: Surrogate, trained: TrainedModels, rows: Sequence[ImageRow]) -> float:
     """Mean PSNR of `surrogate` on stored images."""
-    found = [
+    values = [
         psnr(trained.truth(row), composite(deformed.render(camera), trained.background))
         for row, deformed, camera in pictures(surrogate, rows)
     ]
-    return float(np.mean(found))
+    return float(np.mean(values))
 
 
 def planned(settings: TrainingSettings, seconds: float, times: StepTimes) -> TrainingSettings:
     """`settings` with as many steps as fit into `seconds`, and about `POINTS` points in the curve of their training."""
-    found = scheduled(settings, seconds, times)
-    interval = max(1, (found.canonical_steps + found.deformation_steps) // POINTS)
-    return found.changed(validation_interval=interval)
+    plan = scheduled(settings, seconds, times)
+    interval = max(1, (plan.canonical_steps + plan.deformation_steps) // POINTS)
+    return plan.changed(validation_interval=interval)
 
 
 def training_time(setup: Setup, trained: TrainedModels) -> str:

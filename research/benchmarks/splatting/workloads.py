@@ -1,4 +1,4 @@
-"""Scenes made of random Gaussians: always the same ones, so that numbers compare."""
+"""Scenes of random Gaussians, always the same ones, so that numbers can be compared."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ SEED = 0
 
 
 class View(NamedTuple):
-    """All that a picture depends on."""
+    """All inputs of an image."""
 
     scene: Primitives
     camera: Camera
@@ -78,12 +78,12 @@ class Workload:
         return Primitives(*(torch.from_numpy(value).float() for value in values))
 
     def gaussians(self) -> Gaussians:
-        """The same, with their parameters unconstrained."""
+        """The Gaussians in unconstrained parameters."""
         scene = self.scene()
         return Gaussians(scene.means, scene.scales.log(), scene.quats, scene.opacities.logit(), scene.colors)
 
     def view(self) -> View:
-        """The Gaussians as the camera sees them, by the usual constants."""
+        """The Gaussians, the camera and the usual constants."""
         return View(self.scene(), self.camera())
 
     def at_size(self, size: int) -> Workload:

@@ -1,9 +1,9 @@
-"""How fast the catalog browser answers, in Chromium without a window, over catalogs of tiny pictures.
+"""Latency of the catalog browser, in headless Chromium, over catalogs of tiny images.
 
-`python -m research.benchmarks.stores.browse` prints, for 400 members of 252 views and for 100,000 members of one:
-how long the page takes to
-write and how large it is, when its first picture is on the screen, and how long after a movement of a brush, of a slider and of
-the grid the next frame is.  Medians, with the fastest and the slowest.  Browser and server share the machine's cores.
+`python -m research.benchmarks.stores.browse` measures 400 members of 252 views and 100,000 members of one. It prints
+the time to write the page, its size, and the time until its first image is on the screen. It also prints the time from
+a movement of a brush, of a slider and of the grid to the next frame. Values are medians, with the fastest and the
+slowest. Browser and server share the machine's cores.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 CASES = {"400 members of 252 views": (400, 252), "100,000 members of one view": (100_000, 1)}
 
-# From an event of the hand to after the frame that shows what came of it, in ms.
+# From an input event to after the frame that shows its effect, in ms.
 LISTEN = """
 window.frames = [];
 for (const kind of ['pointermove', 'input', 'scroll'])
@@ -59,7 +59,7 @@ def _served(catalog: Catalog, page: bytes) -> Iterator[str]:
 
 
 def _open(browser: Browser, address: str) -> tuple[Page, float]:
-    """A fresh tab at the address, and ms until its first picture is seen."""
+    """A fresh tab at the address, and ms until its first image is visible."""
     page = browser.new_context(viewport={"width": 1280, "height": 800}).new_page()
     page.add_init_script(LISTEN)
     page.goto(address)
@@ -69,9 +69,9 @@ def _open(browser: Browser, address: str) -> tuple[Page, float]:
 
 def _frames(page: Page, kind: str) -> list[float]:
     page.wait_for_timeout(300)
-    found = [ms for each, ms in page.evaluate("window.frames") if each == kind]
+    times = [ms for each, ms in page.evaluate("window.frames") if each == kind]
     page.evaluate("window.frames.length = 0")
-    return found
+    return times
 
 
 def _box(page: Page, selector: str, number: int = 0) -> tuple[float, float, float, float]:
@@ -116,11 +116,11 @@ def _scroll(page: Page, moves: int) -> list[float]:
 
 
 def measure(browser: Browser, catalog: Catalog, repeats: int = 5) -> dict[str, str]:
-    """What there is to say of one catalog, by name."""
+    """Measurements of one catalog, by name."""
     started = time.perf_counter()
     page = page_of(catalog).encode()
     said = {"the page": f"written in {time.perf_counter() - started:.1f} s, {len(page) / 1e6:.2f} MB"}
-    found: dict[str, list[float]] = {}
+    measurements: dict[str, list[float]] = {}
     with _served(catalog, page) as address:
         for _ in range(repeats):
             tab, first = _open(browser, address)
@@ -133,9 +133,9 @@ def measure(browser: Browser, catalog: Catalog, repeats: int = 5) -> dict[str, s
                 "scroll of the grid to next frame, ms": _scroll(tab, 10),
             }
             for name, times in taken.items():
-                found.setdefault(name, []).extend(times)
+                measurements.setdefault(name, []).extend(times)
             tab.context.close()
-    return said | {name: str(MeasuredTime.of(times)) for name, times in found.items()}
+    return said | {name: str(MeasuredTime.of(times)) for name, times in measurements.items()}
 
 
 def main() -> None:

@@ -1,10 +1,10 @@
-"""What Cinema clients take to read tables of few and of many rows: seconds, and the peak memory of the client's process.
+"""Cost for Cinema clients to read tables of few and of many rows: seconds, and the process's peak memory.
 
     python -m research.benchmarks.stores.clients [--rows 100000,1000000] [--folder DIR]
 
-Each table has the columns that catalogs have, and names pictures that are not there: only the table is read, by pycinema's
-`CinemaDatabaseReader` and by cinemasci, each in its own environment (`make clients`) and a process of its own, once.  A client that
-is not installed is told.
+Each table has the columns of catalogs, and names images that do not exist: only the table is read. The clients are
+pycinema's `CinemaDatabaseReader` and cinemasci, each in its own environment (`make clients`) and process, once. Clients
+that are not installed are reported.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ rows = database.con.execute("SELECT COUNT(*) FROM CINEMA").fetchone()[0]
 
 
 def write_table(path: Path, rows: int) -> None:
-    """A database of so many rows, without its pictures."""
+    """A database of `rows` rows, without its images."""
     path.mkdir()
     with (path / "data.csv").open("w", newline="") as stream:
         stream.write(cinema.format_rows([HEADER]))
@@ -78,7 +78,7 @@ def write_table(path: Path, rows: int) -> None:
 
 
 def read(client: str, path: Path) -> tuple[int, float, float] | None:
-    """Rows, seconds and MB of a client's reading; None where the client is not installed.  The import is not counted as time."""
+    """Rows, seconds and MB of a client's reading; None where the client is not installed. The import is not timed."""
     python = PROJECT / f".venv-{client}" / "bin" / "python"
     if not python.exists():
         return None
@@ -102,13 +102,13 @@ def main(rows: str, folder: Path | None) -> None:
             path = place / f"{count}.cdb"
             write_table(path, count)
             for client in READERS:
-                found = read(client, path)
-                if found is None:
+                reading = read(client, path)
+                if reading is None:
                     click.echo(f"{client} is not installed: `make clients` does it")
                     continue
-                if found[0] != count:
-                    raise click.ClickException(f"{client} read {found[0]} of {count} rows")
-                click.echo(f"{count:>11,} rows: {client} {digits(found[1])} s, {found[2]:,.0f} MB")
+                if reading[0] != count:
+                    raise click.ClickException(f"{client} read {reading[0]} of {count} rows")
+                click.echo(f"{count:>11,} rows: {client} {digits(reading[1])} s, {reading[2]:,.0f} MB")
             shutil.rmtree(path)
     finally:
         shutil.rmtree(place, ignore_errors=True)

@@ -1,14 +1,15 @@
-"""What it costs to add a member to a catalog that has many: milliseconds a member, which must not grow.
+"""Cost of adding a member to a catalog that has many: milliseconds per member, which must not grow.
 
     python -m research.benchmarks.stores.commits [--members 10,1000,10000] [--folder DIR]
     python -m research.benchmarks.stores.commits --kills 200
 
-Every member is one 8x8 picture, written and committed by one process (images and their folder are synced, too); the medians are
-over the 100 members before each of the given numbers.  10,000 members take some minutes, most of it the disk's.
+Every member is one 8x8 image, written and committed by one process (images and their folder are synced, too). The
+medians are over the 100 members before each of the given numbers. 10,000 members take some minutes, most of it the
+disk's.
 
-With `--kills`, instead, eight processes write into one catalog and one of them is killed again and again, at random moments, and
-replaced; the table must be whole whenever one looks, and at the end every member that had been reported as stored must be there,
-whole, once, and in the table.
+With `--kills`, eight processes write into one catalog instead. One of them is killed again and again, at random
+moments, and replaced. The table must always be whole. At the end every member that was reported as stored must be
+there, whole, once, and in the table.
 """
 
 from __future__ import annotations
@@ -53,7 +54,7 @@ def add(catalog: Catalog, name: str, number: int) -> None:
 
 
 def times(path: Path, marks: list[int]) -> dict[int, float]:
-    """Milliseconds per member, the median of those before each mark."""
+    """Median milliseconds per member before each mark."""
     catalog, taken = Catalog.create(path, tiny_plan()), []
     started = time.perf_counter()
     for number in range(max(marks)):
@@ -74,7 +75,7 @@ def write(path: Path, writer: int, first: int, stored: int) -> None:
 
 
 def kill_writers(folder: Path, kills: int) -> int:
-    """Let eight write and one after the other be killed; returns how many members were stored, raises where one is lost."""
+    """Run eight writers and kill them one after the other; returns the number of stored members, raises where one is lost."""
     path, draw, first = folder / "killed.cdb", random.Random(0), dict.fromkeys(range(WRITERS), 0)
     Catalog.create(path, tiny_plan())
     stored = os.open(folder / "stored", os.O_WRONLY | os.O_CREAT | os.O_APPEND)
@@ -93,7 +94,7 @@ def kill_writers(folder: Path, kills: int) -> int:
 
 
 def _look(path: Path) -> None:
-    """What a Cinema client may see at any moment: a table of whole members."""
+    """Check that a Cinema client sees a table of whole members."""
     header, rows = cinema.parse((path / "data.csv").read_bytes().decode())
     missing = [row[-1] for row in rows if not (path / row[-1]).is_file()]
     if missing or cinema.header_problems(header) or (rows and cinema.column_problems(header, rows)):
@@ -116,9 +117,9 @@ def _kill(child: int) -> None:
         raise click.ClickException("a writer ended by itself")
 
 
-def _judge(path: Path, told: list[str]) -> int:
+def _judge(path: Path, reported: list[str]) -> int:
     catalog = Catalog.open(path)
-    lost = [name for name in told if name not in catalog]
+    lost = [name for name in reported if name not in catalog]
     catalog.update_table()
     findings = check(path)
     catalog.rebuild_table()

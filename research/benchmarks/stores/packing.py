@@ -1,10 +1,10 @@
-"""What a packed catalog costs beside the one that it was made from: files, bytes, loading of pictures, steps of training.
+"""Cost of a packed catalog beside the original: files, bytes, loading of images, steps of training.
 
     python -m research.benchmarks.stores.packing runs/tgv/catalog.cdb [--rounds 5] [--steps 100] [--folder DIR]
 
-Loading is what training does before its first step: all training pictures of one appearance, decoded into memory.  The layouts
-take turns, round by round, and times are medians (lowest to highest); a first round, untimed, brings both into the page cache.
-Training runs once in each layout, from the same seed, and its surrogates must be the same bytes.
+Loading is the work of training before its first step: all training images of one appearance are decoded into memory.
+The layouts take turns, round by round, and times are medians (lowest to highest). A first, untimed round brings both
+into the page cache. Training runs once in each layout, from the same seed, and its surrogates must be the same bytes.
 """
 
 from __future__ import annotations
@@ -27,13 +27,13 @@ from surrogate.training.data import load_examples, training_rows
 
 
 def load(catalog: Catalog) -> None:
-    """All training pictures of the first appearance."""
+    """Decode all training images of the first appearance."""
     rows = training_rows(catalog, catalog.appearance_names[:1])
     load_examples(catalog, rows, Normalization.of_box(catalog.plan.bounds))
 
 
 def in_turns(calls: dict[str, Callable[[], object]], rounds: int) -> dict[str, MeasuredTime]:
-    """The times of several calls that take turns."""
+    """Times of several calls in turn."""
     taken: dict[str, list[float]] = {name: [] for name in calls}
     for number in range(rounds + 1):
         for name, call in calls.items():
@@ -44,7 +44,7 @@ def in_turns(calls: dict[str, Callable[[], object]], rounds: int) -> dict[str, M
 
 
 def megabytes(path: Path) -> tuple[int, float]:
-    """How many files there are, and what they hold."""
+    """Number of files, and their megabytes."""
     sizes = [file.stat().st_size for file in path.rglob("*") if file.is_file()]
     return len(sizes), sum(sizes) / 1e6
 

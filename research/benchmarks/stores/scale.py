@@ -1,13 +1,13 @@
-"""What commands cost on catalogs of few and of many members: seconds, and the process's peak memory.
+"""Cost of commands on catalogs of few and of many members: seconds, and the process's peak memory.
 
     python -m research.benchmarks.stores.scale [--members 10,1000,10000] [--folder DIR]
     python -m research.benchmarks.stores.scale --records-of CATALOG
 
-Every member is one 8x8 picture.  The members' folders are written by the package's own functions, without waiting for the disk, and
-their table is rebuilt once; what commits cost one after the other, `research.benchmarks.stores.commits` tells.  Each
-command runs once, in a
-process of its own: `check` and `show` as on the command line, `browse` until its page is made, `read` what training does first
-(every member's record, then a picture), `commit` one more member.  The first commit of a process also reads the journal.
+Every member is one 8x8 image. The members' folders are written by the package's own functions, without waiting for the
+disk, and their table is rebuilt once; see `research.benchmarks.stores.commits` for the cost of successive commits. Each
+command runs once, in its own process. `check` and `show` run as on the command line, `browse` until its page is written.
+`read` is the start of training (every member's record, then an image), `commit` adds one more member. The first commit of
+a process also reads the journal.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ from research.benchmarks.timing import digits
 
 
 def build(path: Path, count: int) -> None:
-    """A catalog of so many members."""
+    """A catalog of `count` members."""
     catalog = Catalog.create(path, tiny_plan())
     plan = catalog.plan
     for number in range(count):
@@ -93,15 +93,15 @@ def cost(command: str, path: Path) -> tuple[float, float]:
 
 
 def costs(path: Path, count: int) -> dict[str, tuple[float, float]]:
-    """What every command costs on a new catalog of `count` members at `path`."""
+    """Cost of every command on a new catalog of `count` members at `path`."""
     fresh = multiprocessing.get_context("spawn")
-    with fresh.Pool(1, maxtasksperchild=1) as pool:  # every task gets a process that nothing has grown
+    with fresh.Pool(1, maxtasksperchild=1) as pool:  # every task gets a fresh process
         pool.apply(build, (path, count))
         return {command: pool.apply(cost, (command, path)) for command in COMMANDS}
 
 
 def record_bytes(path: Path) -> float:
-    """Bytes that a member's record takes in memory, the mean over a catalog's members."""
+    """Mean bytes of a member's record in memory, over a catalog's members."""
     catalog = Catalog.open(path)
     tracemalloc.start()
     try:

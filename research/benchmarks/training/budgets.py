@@ -1,9 +1,9 @@
-"""What `surrogate train --minutes` leads to: more or fewer Gaussians than it takes, in the same time, and how long it takes in all.
+"""Choices of `surrogate train --minutes`: more or fewer Gaussians in the same time, and the total time.
 
     python -m research.benchmarks.training.budgets CATALOG... --minutes 2 [--times 0.25 0.5 1 2 4] [--hold-out 0.2]
 
-Each row trains the catalog anew and is judged by its validation images.  Times are those of the machine as it is: beside other
-work, only rows of one run can be compared.
+Each row trains the catalog again and is scored on its validation images. Times depend on the load of the machine:
+beside other work, only rows of one run can be compared.
 """
 
 from __future__ import annotations
@@ -20,12 +20,12 @@ from surrogate.training.run import train
 
 
 def row(catalog: Path, minutes: float, gaussians: int | None, hold_out: float | None) -> tuple[int, str]:
-    """How many Gaussians were trained, and a line about it."""
+    """The number of trained Gaussians, and a line about them."""
     started = time.perf_counter()
     with tempfile.TemporaryDirectory() as folder:
         settings = {} if gaussians is None else {"gaussians": gaussians}
-        asked = Asked(Budget(minutes=minutes), hold_out, settings)
-        run = begin(catalog, Path(folder) / "run", asked, elapsed=lambda: time.perf_counter() - started)
+        request = Asked(Budget(minutes=minutes), hold_out, settings)
+        run = begin(catalog, Path(folder) / "run", request, elapsed=lambda: time.perf_counter() - started)
         surrogate = train(run.settings, run.catalog, run.model)
     taken, steps = (time.perf_counter() - started) / 60.0, surrogate.training["steps"]
     psnr = max(point["psnr"] or 0.0 for point in surrogate.training["curve"])

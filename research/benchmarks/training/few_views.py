@@ -1,10 +1,11 @@
-"""What fewer views cost, and what the fields' own values are worth then.
+"""Effect of fewer views, and value of the fields' own values in that case.
 
     python -m research.benchmarks.training.few_views SCENE... [--views 42 92] [--runs runs] [--write]
 
-Trains scenes by their own settings on the pictures of some of their training views, spread over the sphere, once as they are and
-once from pictures alone, and scores each on the test images of the whole catalog.  The scenes' data sets must be there; models are
-kept in RUNS/<scene>/few_views, and what is finished is not trained again.  Prints Markdown; `--write` puts it into docs/values.md.
+Trains scenes by their own settings on the images of some of their training views, spread over the sphere, once as they
+are and once from images alone. Each is scored on the test images of the whole catalog. The scenes' data sets must
+exist. Models are stored in RUNS/<scene>/few_views, and finished ones are not trained again. Prints Markdown; `--write`
+puts it into docs/values.md.
 """
 
 from __future__ import annotations
@@ -74,7 +75,7 @@ def row(scene: str, views: int, learnt: str, surrogate: Surrogate, catalog: Cata
 
 
 def measured(scene: Scene, run: Path, counts: Sequence[int], say: Callable[[str], None]) -> Iterator[list[str]]:
-    """Train a scene's data set in the folder `run` on so many views each, and give the rows of the table as they come."""
+    """Train a scene's data set in the folder `run` on each number of views, and yield the rows of the table."""
     catalog, base = Catalog.open(run / "catalog.cdb"), TrainingSettings.from_table(scene.training)
     for count in counts:
         with tempfile.TemporaryDirectory(dir=run) as beside:
@@ -95,9 +96,9 @@ def main() -> None:
     given, rows = parser.parse_args(), list[list[str]]()
     try:
         for scene in map(Scene.load, given.scenes):
-            for found in measured(scene, scene.run_directory(given.runs), given.views, say):
-                print(" | ".join(found), flush=True)
-                rows.append(found)
+            for cells in measured(scene, scene.run_directory(given.runs), given.views, say):
+                print(" | ".join(cells), flush=True)
+                rows.append(cells)
     except (ValueError, OSError) as error:
         parser.error(str(error))
     words = " ".join(map(str, (*given.scenes, "--views", *given.views)))

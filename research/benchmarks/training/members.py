@@ -1,8 +1,8 @@
-"""Draw the training members of a catalog where they lie over its two parameters, each as one of its pictures.
+"""Draw the training members of a catalog at their positions over its two parameters, each as one of its images.
 
     python -m research.benchmarks.training.members [runs/tgv/catalog.cdb] [--view 30] [-o docs/tgv.png]
 
-Shows what an ensemble varies and how its members scatter.  Seconds; it only reads the catalog.
+Shows the variation of an ensemble and the distribution of its members. Takes seconds; only reads the catalog.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""What batches of several images are worth, and what a step of them costs when processes share it.
+"""Value of batches of several images, and the cost of their steps when processes share them.
 
     python -m research.benchmarks.training.ranks CATALOG [--images 12000] [--seeds 3] [--processes 2] [--quick]
     [--machine "two cores"]
@@ -47,7 +47,7 @@ SCORED = 120  # test images
 
 
 def settings_of(batch: int, images: int, seed: int = 0) -> TrainingSettings:
-    """The settings of a training on so many images, `batch` a step."""
+    """The settings of a training on `images` images, `batch` a step."""
     steps = images // batch
     canonical = round(CANONICAL * steps)
     return TrainingSettings(
@@ -83,8 +83,8 @@ def trained(catalog: Catalog, images: int, seeds: int, say: Callable[[str], None
 def _score(surrogate: Surrogate, catalog: Catalog) -> float:
     cases = list(base_cells(catalog, str(surrogate.training["appearance"]))["unseen_views"]["unseen_parameters"])
     some = [cases[i] for i in spread(len(cases), SCORED)]
-    [found] = score_cases(SurrogatePredictor(surrogate.at, catalog.plan.background), catalog, some)
-    psnr = mean(found.values(), "psnr")
+    [scores] = score_cases(SurrogatePredictor(surrogate.at, catalog.plan.background), catalog, some)
+    psnr = mean(scores.values(), "psnr")
     if psnr is None:
         raise ValueError(f"{catalog.path} has no test images at unseen views and parameters")
     return psnr
@@ -104,10 +104,10 @@ def shared(path: Path, processes: int, quick: bool, say: Callable[[str], None]) 
     rows = []
     cases = [(n, b, c) for n in TIMED for b in BATCHES for c in ((1, processes) if b >= processes else (1,))]
     for gaussians, batch, count in cases[:3] if quick else cases:
-        found = _measured_by(path, gaussians, batch, count, quick)
-        say(f"{gaussians} Gaussians, batch {batch}, {count} processes: {found}")
-        exchanged = [digits(found["reduce"]), f"{found['megabytes']:.1f}"] if count > 1 else ["", ""]
-        times = [digits(found["processor"]), digits(found["wall"])]
+        figures = _measured_by(path, gaussians, batch, count, quick)
+        say(f"{gaussians} Gaussians, batch {batch}, {count} processes: {figures}")
+        exchanged = [digits(figures["reduce"]), f"{figures['megabytes']:.1f}"] if count > 1 else ["", ""]
+        times = [digits(figures["processor"]), digits(figures["wall"])]
         rows.append([f"{gaussians:,}", str(batch), str(count), *times, *exchanged])
     return table(header, rows)
 
@@ -130,8 +130,8 @@ def _measured_by(path: Path, gaussians: int, batch: int, count: int, quick: bool
     )
     if done.returncode:
         raise RuntimeError(done.stderr)
-    found: dict[str, float] = json.loads(done.stdout.splitlines()[-1])
-    return found
+    figures: dict[str, float] = json.loads(done.stdout.splitlines()[-1])
+    return figures
 
 
 @one_torch_thread()
@@ -174,9 +174,9 @@ def main(arguments: Sequence[str] | None = None, say: Callable[[str], None] | No
     catalog = with_chosen_splits(Catalog.open(given.catalog), "", None, 0)
     if given.measure:
         with launched() as ranks:
-            found = measure(catalog, *given.measure, ranks, 8 if given.quick else 200)
+            figures = measure(catalog, *given.measure, ranks, 8 if given.quick else 200)
             if ranks.is_first:
-                print(json.dumps(found))
+                print(json.dumps(figures))
         return
     images, seeds = (40, 1) if given.quick else (given.images, given.seeds)
     say = say or stopwatch()

@@ -1,9 +1,9 @@
-"""What several samples a pixel are worth on lit surfaces: one isovalue of one unseen member, fitted alone.
+"""Value of several samples per pixel on lit surfaces: one isovalue of one unseen member, fitted alone.
 
     taskset -c 0 python -m research.benchmarks.training.samples runs/tgv-iso/catalog.cdb runs/tgv-iso/comparison/catalog.cdb
 
-Each row fits the same Gaussians for as many steps, and compares pictures at the views that they were fitted to, and at others.  It
-fills its part of docs/splatting.md, or of a copy in the folder `--output`.
+Each row fits the same Gaussians for as many steps, and scores images at the training views and at others. It fills its
+part of docs/splatting.md, or of a copy in the folder `--output`.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ def rows(
     shown = [s for s in subjects(source) if s.variation is not None and lighting_of(s.variation, source) is not None]
     if not shown:
         raise ValueError(f"{catalog} has no test member with isosurfaces whose light it knows")
-    found = list[list[str]]()
+    table_rows = list[list[str]]()
     for number in samples:
         form = source.settings.changed(
             canonical_steps=steps, deformation_steps=0, visualization_steps=0, color_degree=0, surface_samples=number
@@ -51,9 +51,9 @@ def rows(
             means_of(lambda still=still, **_: still, opened, shown[0].cases(split)) for split in ("train", "test")
         ]
         decibels = [f"{means['psnr']:.2f}" for means in of_views]
-        found.append([f"{width}", f"{number**2}", *decibels, f"{1e3 * taken / steps:.1f}"])
-        say(", ".join(found[-1]))
-    return found
+        table_rows.append([f"{width}", f"{number**2}", *decibels, f"{1e3 * taken / steps:.1f}"])
+        say(", ".join(table_rows[-1]))
+    return table_rows
 
 
 @one_torch_thread()

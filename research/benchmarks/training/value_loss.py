@@ -1,4 +1,4 @@
-"""What a step of the loss on the field's values costs on one core: blended values at places, their loss, and the gradients.
+"""Cost of the field-value loss per step on one core: blended values at places, their loss, and the gradients.
 
     python -m research.benchmarks.training.value_loss [--gaussians 20000] [--places 256]
 
@@ -46,7 +46,7 @@ def step(tensors: list[Tensor], places: Tensor, truth: Tensor) -> tuple[float, f
 
 
 def passes(tensors: list[Tensor], places: Tensor, steps: int, shapes: bool) -> list[str]:
-    """Of the forward and the backward pass, "median (fastest)"."""
+    """Times of the forward and the backward pass, "median (fastest)"."""
     learnt = [t.clone().requires_grad_(shapes or number == 4) for number, t in enumerate(tensors)]
     truth = torch.rand(len(places))
     step(learnt, places, truth)

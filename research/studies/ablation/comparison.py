@@ -50,16 +50,16 @@ class VariantRow:
 
 def compared(results: Sequence[AblationResult], variants: Sequence[Variant]) -> list[VariantRow]:
     """A row for each of `variants` that has results, the best first and failures last."""
-    known = {variant: [one for one in results if one.variant == variant.name] for variant in variants}
-    rows = rows_of({variant: found for variant, found in known.items() if found})
+    by_variant = {variant: [one for one in results if one.variant == variant.name] for variant in variants}
+    rows = rows_of({variant: successes for variant, successes in by_variant.items() if successes})
     return sorted(rows, key=lambda row: -math.inf if row.psnr is None else row.psnr, reverse=True)
 
 
-def rows_of(known: Mapping[Variant, Sequence[AblationResult]]) -> list[VariantRow]:
+def rows_of(by_variant: Mapping[Variant, Sequence[AblationResult]]) -> list[VariantRow]:
     """The rows in the order of `known`."""
-    scores = {variant.name: {r.seed: r.psnr for r in results if not r.error} for variant, results in known.items()}
+    scores = {variant.name: {r.seed: r.psnr for r in results if not r.error} for variant, results in by_variant.items()}
     rows = []
-    for variant, results in known.items():
+    for variant, results in by_variant.items():
         reference = variant.steps_of or DEFAULT
         own, others = scores[variant.name], {} if variant.name == reference else scores.get(reference, {})
         difference, error = (_paired if variant.steps_of else _unpaired)(own, others)

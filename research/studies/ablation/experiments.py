@@ -122,7 +122,7 @@ class VisualizationExperiment:
     @one_torch_thread()
     def trained(self, settings: TrainingSettings, work: Path, progress: ProgressReport) -> Surrogate:
         """See `BaseExperiment`; nothing is written into `work`, and an interrupted training starts again."""
-        found = []
+        visualizations = []
         for one in self._data:
             visualization, run = self._begun(settings, *one)
             while run.step < run.stage.steps:
@@ -130,8 +130,8 @@ class VisualizationExperiment:
                 if run.step % REPORT_STEPS == 0:
                     progress(TrainingProgress(run.stage.name, run.step, run.stage.steps))
             run.require_finite()
-            found.append(visualization.copy())
-        return replace(self._surrogate, visualizations=tuple(v.to(torch.device("cpu")) for v in found))
+            visualizations.append(visualization.copy())
+        return replace(self._surrogate, visualizations=tuple(v.to(torch.device("cpu")) for v in visualizations))
 
     @property
     def cases(self) -> list[Case]:
@@ -167,8 +167,8 @@ Experiment = BaseExperiment | VisualizationExperiment
 def score(experiment: Experiment, surrogate: Surrogate) -> list[Scored]:
     """Scores of a surrogate on the validation images."""
     predictor = SurrogatePredictor(surrogate.at, experiment.catalog.plan.background)
-    [found] = score_cases(predictor, experiment.catalog, experiment.cases)
-    return list(found.values())
+    [scores] = score_cases(predictor, experiment.catalog, experiment.cases)
+    return list(scores.values())
 
 
 def _is_of(surrogate: Surrogate, source: Source) -> bool:

@@ -83,14 +83,14 @@ class Records:
         """The variant's settings before steps are fitted to the budget; seeds are counted from the scene's."""
         return variant.settings(self.experiment.base).changed(seed=self.experiment.base.seed + seed)
 
-    def result(self, variant: Variant, seed: int, **found: Any) -> AblationResult:
+    def result(self, variant: Variant, seed: int, **values: Any) -> AblationResult:
         """A result of this study."""
         try:
             settings = self.settings(variant, seed).to_json()
         except ValueError:  # invalid settings: `found` holds the error
             settings = {}
         scene = self.experiment.scene.to_json()
-        return AblationResult(variant.name, seed, self.budget, self.experiment.mark, settings, scene, **found)
+        return AblationResult(variant.name, seed, self.budget, self.experiment.mark, settings, scene, **values)
 
     def save(self, result: AblationResult) -> None:
         """Store a result atomically."""
@@ -107,8 +107,8 @@ class Records:
         """All current results of this study, by seed."""
         named = {variant.name: variant for variant in self.experiment.variants}
         there = load_results(self.folder, mark=self.experiment.mark, budget=self.budget)
-        found = [self.find(named[one.variant], one.seed) for one in there if one.variant in named]
-        return [result for result in found if result is not None]
+        results = [self.find(named[one.variant], one.seed) for one in there if one.variant in named]
+        return [result for result in results if result is not None]
 
     def _path(self, name: str, seed: int) -> Path:
         return self.folder / f"{name}.seed{seed}.json"
@@ -116,5 +116,5 @@ class Records:
 
 def load_results(folder: Path, **key: Any) -> list[AblationResult]:
     """All results in a folder that agree with `key`, by seed."""
-    found = [record.to(AblationResult) for record in Record.load_all(folder, KIND, VERSION, key).values()]
-    return sorted((result for result in found if result is not None), key=lambda result: result.seed)
+    results = [record.to(AblationResult) for record in Record.load_all(folder, KIND, VERSION, key).values()]
+    return sorted((result for result in results if result is not None), key=lambda result: result.seed)

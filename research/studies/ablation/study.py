@@ -220,20 +220,20 @@ class AblationStudy:
 
     def _like(self, variant: Variant, seed: int) -> AblationResult | None:
         """The result whose steps a variant takes; None without one."""
-        found = self.records.find(next(v for v in self._experiment.variants if v.name == variant.steps_of), seed)
-        return None if found is None or found.error else found
+        result = self.records.find(next(v for v in self._experiment.variants if v.name == variant.steps_of), seed)
+        return None if result is None or result.error else result
 
     def _attempted(self, variant: Variant, seed: int, work: Path, watch: StudyWatch) -> AblationResult:
-        begun, found = time.process_time(), {}
+        begun, values = time.process_time(), {}
         try:
             shutil.rmtree(work, ignore_errors=True)  # left by a killed process
-            found = self._fit(variant, seed, work, watch)
+            values = self._fit(variant, seed, work, watch)
         except Exception as error:  # the other variants can still be compared
-            found = {"error": _sentence(error)}
+            values = {"error": _sentence(error)}
         finally:
             shutil.rmtree(work, ignore_errors=True)
         provenance = Provenance.now(time.process_time() - begun, DECIDING)
-        return self.records.result(variant, seed, provenance=provenance, **found)
+        return self.records.result(variant, seed, provenance=provenance, **values)
 
     def _fit(self, variant: Variant, seed: int, work: Path, watch: StudyWatch) -> dict[str, Any]:
         settings = self.records.settings(variant, seed)

@@ -52,12 +52,12 @@ def selected(names: Iterable[str], among: Sequence[Variant]) -> list[Variant]:
 
     Raises ValueError for an unknown name.
     """
-    known = {variant.name: variant for variant in among}
-    wanted = set(names) or set(known)
-    unknown = sorted(wanted - set(known))
+    by_name = {variant.name: variant for variant in among}
+    wanted = set(names) or set(by_name)
+    unknown = sorted(wanted - set(by_name))
     if unknown:
-        raise ValueError(f"unknown variants {unknown}; known are {list(known)}")
-    needed = {DEFAULT} | {known[name].steps_of for name in wanted}
+        raise ValueError(f"unknown variants {unknown}; known are {list(by_name)}")
+    needed = {DEFAULT} | {by_name[name].steps_of for name in wanted}
     return [variant for variant in among if variant.name in wanted | needed]
 
 

@@ -123,10 +123,10 @@ class Recipe:
 def rates(recipe: Recipe, plan: Plan, extent: float, step: int) -> dict[str, float]:
     """Adam's rates in a step, for the canonical Gaussians' leaves by name and for the "network"; `extent` as of `extent_of`."""
     decay = FINAL_FACTOR ** (step / plan.steps)
-    found = {name: recipe.other_factor * rate for name, rate in canonical.RATES.items()}
-    found["means"] = recipe.mean_factor * canonical.MEAN_RATE * extent / MARGIN * decay
-    found["network"] = recipe.rate * decay
-    return {name: plan.rate * rate for name, rate in found.items()}
+    by_name = {name: recipe.other_factor * rate for name, rate in canonical.RATES.items()}
+    by_name["means"] = recipe.mean_factor * canonical.MEAN_RATE * extent / MARGIN * decay
+    by_name["network"] = recipe.rate * decay
+    return {name: plan.rate * rate for name, rate in by_name.items()}
 
 
 def perceptron(networks: Networks, name: str, inputs: Tensor) -> Tensor:
@@ -159,8 +159,8 @@ def offsets(
     condition = encode((parameters[None] + 1.0) / 2.0, architecture.parameter_frequencies)  # [1, 5 P]
     shift = perceptron(networks, "adapter", perceptron(networks, "parameters", condition))  # [1, F]
     features = perceptron(networks, "backbone", perceptron(networks, "position", encoded) + shift)  # [N, H]
-    found = {head: perceptron(networks, head, features).float() for head in COLUMNS}
-    return found | {"opacity_logits": found["opacity_logits"].tanh()}
+    outputs = {head: perceptron(networks, head, features).float() for head in COLUMNS}
+    return outputs | {"opacity_logits": outputs["opacity_logits"].tanh()}
 
 
 class GSSurrogate:
@@ -234,13 +234,13 @@ class GSSurrogate:
         places = (gaussians.means.detach() - self._center) / self._extent  # [N, 3]; detached as in the authors' code
         narrow = self._plan.precision == "bfloat16"
         with torch.autocast(places.device.type, dtype=torch.bfloat16, enabled=narrow):
-            found = offsets(self._networks, self._architecture, places, parameters.to(places))
+            moves = offsets(self._networks, self._architecture, places, parameters.to(places))
         return HarmonicGaussians(
-            gaussians.means + self._extent / MARGIN * found["means"],
-            gaussians.log_scales + found["log_scales"],
-            gaussians.quats + found["quats"],
-            gaussians.opacity_logits + found["opacity_logits"].squeeze(1),
-            gaussians.harmonics + found["harmonics"].view_as(gaussians.harmonics),
+            gaussians.means + self._extent / MARGIN * moves["means"],
+            gaussians.log_scales + moves["log_scales"],
+            gaussians.quats + moves["quats"],
+            gaussians.opacity_logits + moves["opacity_logits"].squeeze(1),
+            gaussians.harmonics + moves["harmonics"].view_as(gaussians.harmonics),
         )
 
 

@@ -83,8 +83,8 @@ class HexPlaneDeformation:
         moved = [name for name in OUTPUTS if f"{name}_in.weights" in self.networks]
         with torch.autocast(means.device.type, dtype=torch.bfloat16, enabled=self.precision == "bfloat16"):
             shared = self._layer("shared", features).relu()  # [N, W]
-            found = {name: self._layer(f"{name}_out", self._layer(f"{name}_in", shared).relu()) for name in moved}
-        return {name: offsets.to(torch.float32) for name, offsets in found.items()}
+            moves = {name: self._layer(f"{name}_out", self._layer(f"{name}_in", shared).relu()) for name in moved}
+        return {name: offsets.to(torch.float32) for name, offsets in moves.items()}
 
     def deformed(self, gaussians: HarmonicGaussians, parameters: Tensor) -> HarmonicGaussians:
         """The Gaussians with their offsets at normalized `parameters` (P,)."""
@@ -232,8 +232,8 @@ def box_of(means: Tensor, volume: Tensor) -> Tensor:
     """The box (2, 3) of `means` (N, 3) within that of the volume, so that a straggler does not stretch the planes."""
     low = torch.maximum(means.amin(dim=0), volume[0])  # [3]
     high = torch.minimum(means.amax(dim=0), volume[1])  # [3]
-    found = (high - low > 1e-3).all()
-    return torch.stack([low, high]) if found else volume
+    is_wide = (high - low > 1e-3).all()
+    return torch.stack([low, high]) if is_wide else volume
 
 
 def _uniform(random: Generator, low: float, high: float, shape: tuple[int, ...]) -> Tensor:

@@ -113,10 +113,10 @@ class KPlanes(nn.Module):
 
         with torch.set_grad_enabled(teach_proposals and torch.is_grad_enabled()):
             proposals = [densities(proposal) for proposal in self.proposals]
-            found, borders = proposed(*crossings(rays, box), proposals, self.counts, sharpness, random)
+            samples, borders = proposed(*crossings(rays, box), proposals, self.counts, sharpness, random)
         density, colors = self.radiance(points(middles(borders)), rays.directions, bfloat16)  # [R, S], [R, S, 3]
         last = sampled(borders, density)
-        return Traced(composite(last.weights, colors), [*found, last])
+        return Traced(composite(last.weights, colors), [*samples, last])
 
     def regularization(self) -> Tensor:
         """The weighted losses of all planes."""
@@ -202,11 +202,11 @@ class KPlanesTraining:
         truths, parameters = batch.pixels.to(self._box), batch.parameters.to(self._box)  # [R, 4], [R, P]
         seen = self._seen(rays, parameters, sharpness, random=self._jitter, teach_proposals=learn)
         behind = torch.rand(3, generator=self._random).to(self._box) if self._background is None else self._background
-        found, true = (pixels[:, :3] + (1.0 - pixels[:, 3:]) * behind for pixels in (seen.pixels, truths))  # [R, 3]
+        drawn, true = (pixels[:, :3] + (1.0 - pixels[:, 3:]) * behind for pixels in (seen.pixels, truths))  # [R, 3]
         *proposals, final = seen.samples
         count = len(truths) * final.weights.shape[1]  # rays that miss the box have no loss
-        interlevel = sum((interlevel_loss(proposal, final).sum() for proposal in proposals), start=found.new_zeros(()))
-        return mse_loss(found, true) + interlevel / count + self.model.regularization()
+        interlevel = sum((interlevel_loss(proposal, final).sum() for proposal in proposals), start=drawn.new_zeros(()))
+        return mse_loss(drawn, true) + interlevel / count + self.model.regularization()
 
     def _seen(self, rays: Rays, parameters: Tensor, sharpness: float, **options: Any) -> Traced:
         """Colours of rays with parameters (R, P); rays that miss the box have no samples."""

@@ -185,9 +185,9 @@ class RadianceField(nn.Module):
         features = torch.cat([level(points) for level in self.levels]).T  # [R S, C L]
         encoded = harmonics(directions).repeat_interleave(samples, dim=0)  # [R S, 16]
         with _cast(features, bfloat16):
-            known = self.geometry(features)  # [R S, 16]
-            colors = self.color(torch.cat([encoded.to(known), known[:, :-1]], dim=1))  # [R S, 3]
-        return density_of(known[:, -1]).view(count, samples), colors.float().sigmoid().view(count, samples, 3)
+            geometry = self.geometry(features)  # [R S, 16]
+            colors = self.color(torch.cat([encoded.to(geometry), geometry[:, :-1]], dim=1))  # [R S, 3]
+        return density_of(geometry[:, -1]).view(count, samples), colors.float().sigmoid().view(count, samples, 3)
 
 
 def _cast(tensor: Tensor, bfloat16: bool) -> torch.autocast:

@@ -56,12 +56,12 @@ def proposed(
     The first proposal is evaluated in counts[0] equal intervals, each further one where the previous weights, to the
     power of `sharpness`, are large. With `random`, borders are moved at random.
     """
-    found: list[WeightedSamples] = []
+    samples: list[WeightedSamples] = []
     borders = spaced(near, far, counts[0], random)
     for proposal, count in zip(proposals, counts[1:], strict=True):
-        found.append(sampled(borders, proposal(middles(borders))))
-        borders = resampled(borders, found[-1].weights.detach() ** sharpness, count, random)
-    return found, borders
+        samples.append(sampled(borders, proposal(middles(borders))))
+        borders = resampled(borders, samples[-1].weights.detach() ** sharpness, count, random)
+    return samples, borders
 
 
 def interlevel_loss(proposal: WeightedSamples, final: WeightedSamples) -> Tensor:

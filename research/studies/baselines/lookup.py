@@ -16,5 +16,5 @@ def bilinear(grids: Tensor, at: Tensor) -> Tensor:
     """
     if at.isnan().any():
         raise Diverged("a field is evaluated at coordinates that are not finite: its training has diverged")
-    found = grid_sample(grids, at[:, None], mode="bilinear", padding_mode="border", align_corners=True)  # [B, C, 1, N]
-    return found.squeeze(2)
+    values = grid_sample(grids, at[:, None], mode="bilinear", padding_mode="border", align_corners=True)  # [B, C, 1, N]
+    return values.squeeze(2)

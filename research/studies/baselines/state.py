@@ -12,11 +12,11 @@ State = Mapping[str, Tensor]
 
 def of_optimizer(optimizer: torch.optim.Optimizer) -> dict[str, Tensor]:
     """The optimizer's tensors by number, and its moments of each: "3" and "3.exp_avg"."""
-    found = {}
+    tensors = {}
     for number, tensor in enumerate(_trained(optimizer)):
-        found[f"{number}"] = tensor.detach()
-        found |= {f"{number}.{name}": remembered for name, remembered in optimizer.state.get(tensor, {}).items()}
-    return found
+        tensors[f"{number}"] = tensor.detach()
+        tensors |= {f"{number}.{name}": remembered for name, remembered in optimizer.state.get(tensor, {}).items()}
+    return tensors
 
 
 @torch.no_grad()

@@ -123,8 +123,8 @@ def rendered(
     points = ((samples.points - box[0]) * (2.0 / (box[1] - box[0])) - 1.0).flatten(0, 1)  # [R S, 3]
 
     at = inside.flatten().nonzero().squeeze(1)  # [N]
-    found = field.densities(points[at], field.vectors_at("density", parameters)[at // count])  # [N]
-    densities = found.new_zeros(rows * count).index_copy(0, at, found).view(rows, count)
+    values = field.densities(points[at], field.vectors_at("density", parameters)[at // count])  # [N]
+    densities = values.new_zeros(rows * count).index_copy(0, at, values).view(rows, count)
     weights = weights_of(densities, samples.lengths * DISTANCE_SCALE)  # [R, S]
 
     at = (weights.detach() > LEAST_WEIGHT).flatten().nonzero().squeeze(1)  # [K]
@@ -203,14 +203,14 @@ class ViSNeRFTraining:
         distance = float((sides / (grid - 1)).mean()) * self._sizes.stride
         count = max(2, int(float(grid.double().norm()) / self._sizes.stride))
         parameters = parameters.to(self._box)[None]  # [1, P]
-        found = []
+        parts = []
         everything = all_rays(camera)
         for start in range(0, len(everything.origins), RAYS_AT_ONCE):
             rays = Rays(*(part[start : start + RAYS_AT_ONCE].to(self._box) for part in everything))
             samples = marched(rays, crossings(rays, self._box)[0], distance, count)
-            asked = parameters.expand(len(rays.origins), -1)
-            found.append(rendered(self.field, self._box, rays, asked, samples, self._skipped))
-        picture: NDArray[np.float32] = torch.cat(found).view(camera.height, camera.width, 4).cpu().numpy()
+            repeated = parameters.expand(len(rays.origins), -1)
+            parts.append(rendered(self.field, self._box, rays, repeated, samples, self._skipped))
+        picture: NDArray[np.float32] = torch.cat(parts).view(camera.height, camera.width, 4).cpu().numpy()
         return picture
 
     def _new_optimizer(self) -> torch.optim.Adam:
@@ -231,8 +231,8 @@ class ViSNeRFTraining:
         near, far = crossings(batch.rays, self._box)  # [R]
         shift = torch.rand(len(near), 1, generator=self._random).to(near)  # [R, 1]
         samples = marched(batch.rays, near, (far - near).max() / count, count, shift)
-        found = rendered(self.field, self._box, batch.rays, batch.parameters, samples, self._skipped)  # [R, 4]
-        return (self._over(found) - self._over(batch.pixels)).square().mean()
+        drawn = rendered(self.field, self._box, batch.rays, batch.parameters, samples, self._skipped)  # [R, 4]
+        return (self._over(drawn) - self._over(batch.pixels)).square().mean()
 
     def _over(self, pixels: Tensor) -> Tensor:
         return pixels[:, :3] + (1.0 - pixels[:, 3:]) * self._behind
@@ -243,20 +243,20 @@ def crossing_pixels(sampler: PixelSampler, box: Tensor, count: int, random: torc
 
     They are `count`, or fewer where hardly any ray crosses the box. Raises ValueError where none does.
     """
-    kept: list[Batch] = []
+    batches: list[Batch] = []
     missing = count
     for _ in range(MOST_DRAWS):
         drawn = sampler.draw(count, random)
         near, far = crossings(drawn.rays, box.cpu())  # [R]
-        kept.append(_chosen(drawn, (far > near).nonzero().squeeze(1)[:missing]))
-        missing -= len(kept[-1].pixels)
+        batches.append(_chosen(drawn, (far > near).nonzero().squeeze(1)[:missing]))
+        missing -= len(batches[-1].pixels)
         if not missing:
             break
     if missing == count:
         raise ValueError(f"none of {MOST_DRAWS * count} rays crosses the box {box.tolist()}")
-    rays = Rays(*(torch.cat(parts).to(box) for parts in zip(*(batch.rays for batch in kept), strict=True)))
-    pixels = torch.cat([batch.pixels for batch in kept]).to(box)
-    return Batch(rays, pixels, torch.cat([batch.parameters for batch in kept]).to(box))
+    rays = Rays(*(torch.cat(parts).to(box) for parts in zip(*(batch.rays for batch in batches), strict=True)))
+    pixels = torch.cat([batch.pixels for batch in batches]).to(box)
+    return Batch(rays, pixels, torch.cat([batch.parameters for batch in batches]).to(box))
 
 
 def _chosen(batch: Batch, rows: Tensor) -> Batch:

@@ -129,10 +129,10 @@ class ViSNeRFField:
 
     def vectors_at(self, quantity: Quantity, parameters: Tensor) -> Tensor:
         """Vectors at the parameters (R, P), concatenated: (R, 4 P)."""
-        found = [parameters.new_zeros(len(parameters), 0)]
+        vectors = [parameters.new_zeros(len(parameters), 0)]
         for number, values in enumerate(parameters.unbind(1)):
-            found.append(self._line(vector_name(quantity, number), values).T)
-        return torch.cat(found, dim=1)
+            vectors.append(self._line(vector_name(quantity, number), values).T)
+        return torch.cat(vectors, dim=1)
 
     def densities(self, points: Tensor, vectors: Tensor) -> Tensor:
         """Densities (N,) per unit of length, from points (N, 3) and vectors (N, 4 P)."""
@@ -164,8 +164,8 @@ class ViSNeRFField:
         return _interpolated(self.tensors[name], torch.stack([torch.zeros_like(at), at], dim=1))  # [C, N]
 
     def _features(self, quantity: Quantity, components: Tensor, vectors: Tensor) -> Tensor:
-        known = torch.cat([components, vectors], dim=1)  # [N, 16 or 48 + 4 P]
-        return linear(known, self.tensors[f"{quantity}.basis.weights"]).float()
+        inputs = torch.cat([components, vectors], dim=1)  # [N, 16 or 48 + 4 P]
+        return linear(inputs, self.tensors[f"{quantity}.basis.weights"]).float()
 
     def _network(self, quantity: Quantity, inputs: Tensor) -> Tensor:
         for layer in (1, 2, 3):

@@ -50,7 +50,7 @@ def are_kept(records: Path, name: str) -> bool:
     return all(path.is_file() for path in _paths(records, name))
 
 
-def kept(records: Path, name: str) -> Sequence[NDArray[np.float32]]:
+def stored_images(records: Path, name: str) -> Sequence[NDArray[np.float32]]:
     """The images (H, W, 3), in [0, 1], of the result `name`, or of `TRUTH`; empty where one is missing."""
     if not are_kept(records, name):
         return []

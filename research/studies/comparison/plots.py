@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from research.studies.comparison.methods import CONTESTANTS, OURS, ordered, title
-from research.studies.comparison.pictures import TRUTH, are_kept, kept
+from research.studies.comparison.pictures import TRUTH, are_kept, stored_images
 from research.studies.comparison.result import TRIVIAL, ComparisonResult, MethodRow, Terms, in_float32
 
 LINES, MARKED = ("solid", "dashed", "dotted"), 20  # by time; a line with more points has no markers
@@ -65,8 +65,8 @@ def sheet(records: Path, results: Sequence[ComparisonResult], on: Terms) -> byte
     """
     from matplotlib.figure import Figure
 
-    stored = {row: kept(records, name) for row, name in _names(results, on).items()}
-    names, truths = ordered(row for row, pictures in stored.items() if pictures), kept(records, TRUTH)
+    stored = {row: stored_images(records, name) for row, name in _names(results, on).items()}
+    names, truths = ordered(row for row, pictures in stored.items() if pictures), stored_images(records, TRUTH)
     if not names or not truths:
         return None
     rows = list(zip(truths, *(stored[name] for name in names), strict=True))

@@ -76,7 +76,7 @@ def study_of(
     catalog: Catalog,
     folder: Path,
     records: Path,
-    asked: RunOptions,
+    options: RunOptions,
     progress: Callable[[Any], None] = lambda _: None,
 ) -> ComparisonStudy:
     """The study of a scene's `catalog` in its `folder` of results; smaller images are made where needed."""
@@ -84,11 +84,11 @@ def study_of(
     durable.make_folder(own)
     with durable.locked(own / f".{name}.lock"):  # or two processes would make the same images
         task = ComparisonTask.of(reduced(catalog, own / "catalog.cdb", progress))
-    plan = Plan(1, size="official" if asked.published else "small", threads=asked.threads)
-    until = time.monotonic() + 60.0 * asked.stop_after
-    minutes = (AS_PUBLISHED,) if asked.published else asked.minutes
+    plan = Plan(1, size="official" if options.published else "small", threads=options.threads)
+    until = time.monotonic() + 60.0 * options.stop_after
+    minutes = (AS_PUBLISHED,) if options.published else options.minutes
     return ComparisonStudy(
-        task, own, records, records.parent, chosen(asked.methods), minutes, asked.seeds, plan, asked.device, until
+        task, own, records, records.parent, chosen(options.methods), minutes, options.seeds, plan, options.device, until
     )
 
 

@@ -67,8 +67,8 @@ def repeat(
     left = [one for one in plan if not _is_scored(records, one, base)]
     _check(left, run)
     if engine is not None:
-        kept = {f"seed {one.settings.seed}": partial(_kept, one, catalog, settings, base, records) for one in left}
-        train_on(engine, kept, tell, progress)
+        tasks = {f"seed {one.settings.seed}": partial(_kept, one, catalog, settings, base, records) for one in left}
+        train_on(engine, tasks, tell, progress)
         return load_scores(records, base=base)
     watch = StudyWatch(progress)
     for number, one in enumerate(left, start=1):
@@ -125,9 +125,9 @@ def _kept(
     one: Repeat, catalog: Catalog, settings: TrainingSettings, base: str, records: Path, watch: StudyWatch | None = None
 ) -> Scores:
     """Train, score and store a seed; scores that another process has just stored are returned."""
-    known = load(records, one.settings.seed)
-    if known is not None and _is_scored(records, one, base):
-        return known
+    stored = load(records, one.settings.seed)
+    if stored is not None and _is_scored(records, one, base):
+        return stored
     scores = _trained_and_scored(one, catalog, settings, base, watch or StudyWatch(lambda _: None))
     save(records, scores)
     return scores
@@ -169,13 +169,13 @@ def score_model(surrogate: Surrogate, catalog: Catalog, *, progress: Report = la
     varied = [variation_cells(catalog, v.variation) for v in surrogate.visualizations]
     predictor = SurrogatePredictor(surrogate.at, catalog.plan.background)
     cases = [case for cells in (main, *varied) for case in all_cases(cells)]
-    [found] = score_cases(predictor, catalog, cases, progress=partial(progress, STAGE))
-    if not all(math.isfinite(scored.score.psnr) for scored in found.values()):
+    [scores] = score_cases(predictor, catalog, cases, progress=partial(progress, STAGE))
+    if not all(math.isfinite(scored.score.psnr) for scored in scores.values()):
         raise ValueError("training diverged: the model's images are not finite")
     return {
-        "cells": cell_tables(by_cell(main, found), METRICS),
+        "cells": cell_tables(by_cell(main, scores), METRICS),
         "variations": [
-            {"kind": v.variation.kind, "base": v.variation.base, **cell_tables(by_cell(cells, found), METRICS)}
+            {"kind": v.variation.kind, "base": v.variation.base, **cell_tables(by_cell(cells, scores), METRICS)}
             for v, cells in zip(surrogate.visualizations, varied, strict=True)
         ],
     }

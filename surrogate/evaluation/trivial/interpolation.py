@@ -25,40 +25,40 @@ LENGTHS = (0.5, 1.0, 2.0, 4.0)
 Rule = Callable[[NDArray[np.float64], NDArray[np.float64]], Weights]
 
 
-def mean_image(known: NDArray[np.float64], wanted: NDArray[np.float64]) -> Weights:
+def mean_image(points: NDArray[np.float64], wanted: NDArray[np.float64]) -> Weights:
     """Equal weights."""
-    return np.full((len(wanted), len(known)), 1.0 / len(known))
+    return np.full((len(wanted), len(points)), 1.0 / len(points))
 
 
-def nearest_member(known: NDArray[np.float64], wanted: NDArray[np.float64]) -> Weights:
+def nearest_member(points: NDArray[np.float64], wanted: NDArray[np.float64]) -> Weights:
     """The member at the smallest distance in normalized parameters."""
-    return np.eye(len(known))[cdist(wanted, known).argmin(axis=1)]
+    return np.eye(len(points))[cdist(wanted, points).argmin(axis=1)]
 
 
-def linear(known: NDArray[np.float64], wanted: NDArray[np.float64]) -> Weights:
+def linear(points: NDArray[np.float64], wanted: NDArray[np.float64]) -> Weights:
     """Piecewise-linear interpolation: between neighbours in one dimension, barycentric on a Delaunay triangulation in more.
 
     Targets outside the convex hull take the nearest member.
     """
-    members = np.eye(len(known))
-    if known.shape[1] == 1:
-        order = np.argsort(known[:, 0])
-        return np.stack([np.interp(wanted[:, 0], known[order, 0], row[order]) for row in members], axis=1)
-    nearest = nearest_member(known, wanted)
+    members = np.eye(len(points))
+    if points.shape[1] == 1:
+        order = np.argsort(points[:, 0])
+        return np.stack([np.interp(wanted[:, 0], points[order, 0], row[order]) for row in members], axis=1)
+    nearest = nearest_member(points, wanted)
     try:
-        interpolator = LinearNDInterpolator(known, members)
+        interpolator = LinearNDInterpolator(points, members)
     except QhullError:  # fewer members than a simplex has corners, or all in a plane
         return nearest
     weights = nearest
-    for targets in (wanted + ON_HULL * (known.mean(axis=0) - wanted), wanted):
-        found = interpolator(targets)  # [T, M], nan outside
-        weights = np.where(np.isnan(found), weights, found)
+    for targets in (wanted + ON_HULL * (points.mean(axis=0) - wanted), wanted):
+        inside = interpolator(targets)  # [T, M], nan outside
+        weights = np.where(np.isnan(inside), weights, inside)
     return weights
 
 
-def inverse_distance(known: NDArray[np.float64], wanted: NDArray[np.float64]) -> Weights:
+def inverse_distance(points: NDArray[np.float64], wanted: NDArray[np.float64]) -> Weights:
     """Inverse-distance weights of the `NEIGHBOURS` nearest points; at a known point, that point alone."""
-    distances = cdist(wanted, known)  # [T, M]
+    distances = cdist(wanted, points)  # [T, M]
     order = np.argsort(distances, axis=1, kind="stable")[:, :NEIGHBOURS]  # [T, min(M, NEIGHBOURS)]
     weights = np.zeros_like(distances)
     for row, near, away in zip(weights, order, distances, strict=True):
@@ -66,21 +66,21 @@ def inverse_distance(known: NDArray[np.float64], wanted: NDArray[np.float64]) ->
     return np.asarray(weights / weights.sum(axis=1, keepdims=True), dtype=np.float64)
 
 
-def ridge(known: NDArray[np.float64], wanted: NDArray[np.float64], *, degree: int, penalty: float) -> Weights:
+def ridge(points: NDArray[np.float64], wanted: NDArray[np.float64], *, degree: int, penalty: float) -> Weights:
     """Ridge regression on all monomials up to `degree`."""
-    features, targets = _monomials(known, degree), _monomials(wanted, degree)  # [M, F], [T, F]
-    gram = features @ features.T + penalty * len(known) * np.eye(len(known))  # [M, M]
+    features, targets = _monomials(points, degree), _monomials(wanted, degree)  # [M, F], [T, F]
+    gram = features @ features.T + penalty * len(points) * np.eye(len(points))  # [M, M]
     return np.asarray(np.linalg.solve(gram, features @ targets.T).T, dtype=np.float64)
 
 
-def radial(known: NDArray[np.float64], wanted: NDArray[np.float64], *, length: float, penalty: float) -> Weights:
+def radial(points: NDArray[np.float64], wanted: NDArray[np.float64], *, length: float, penalty: float) -> Weights:
     """Gaussian-process mean with a squared-exponential kernel around the mean image (Rasmussen & Williams 2006, 2.2)."""
 
     def kernel(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
         return np.exp(-0.5 * cdist(a, b, "sqeuclidean") / length**2)
 
-    smooth = np.linalg.solve(kernel(known, known) + penalty * np.eye(len(known)), kernel(known, wanted)).T  # [T, M]
-    return smooth + (1.0 - smooth.sum(axis=1, keepdims=True)) / len(known)
+    smooth = np.linalg.solve(kernel(points, points) + penalty * np.eye(len(points)), kernel(points, wanted)).T  # [T, M]
+    return smooth + (1.0 - smooth.sum(axis=1, keepdims=True)) / len(points)
 
 
 def fixed_rules(parameters: int) -> dict[str, Rule]:
@@ -88,9 +88,9 @@ def fixed_rules(parameters: int) -> dict[str, Rule]:
 
     With more, most members lie outside the hull of the others, and a triangulation takes seconds for each view.
     """
-    found: dict[str, Rule] = {"mean image": mean_image, "nearest member": nearest_member}
-    found[f"inverse distances to the {NEIGHBOURS} nearest members"] = inverse_distance
-    return {**found, "linear interpolation": linear} if parameters <= 3 else found
+    rules: dict[str, Rule] = {"mean image": mean_image, "nearest member": nearest_member}
+    rules[f"inverse distances to the {NEIGHBOURS} nearest members"] = inverse_distance
+    return {**rules, "linear interpolation": linear} if parameters <= 3 else rules
 
 
 def setting_rules(parameters: int, plural: str) -> dict[str, Rule]:
@@ -108,9 +108,9 @@ def crossed(first: Rule, second: Rule, parameters: int) -> Rule:
     the other.
     """
 
-    def weights(known: NDArray[np.float64], wanted: NDArray[np.float64]) -> Weights:
-        repeated = int((known[:, :parameters] == known[0, :parameters]).all(axis=1).sum())
-        places, settings = known[::repeated, :parameters], known[:repeated, parameters:]  # [A, P], [B, V]
+    def weights(points: NDArray[np.float64], wanted: NDArray[np.float64]) -> Weights:
+        repeated = int((points[:, :parameters] == points[0, :parameters]).all(axis=1).sum())
+        places, settings = points[::repeated, :parameters], points[:repeated, parameters:]  # [A, P], [B, V]
         pairs = first(places, wanted[:, :parameters]), second(settings, wanted[:, parameters:])  # [T, A], [T, B]
         return np.einsum("ta,tb->tab", *pairs).reshape(len(wanted), -1)
 

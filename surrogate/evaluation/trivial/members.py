@@ -26,7 +26,7 @@ def member_mixtures(
     tuning = drawn([case for case in watched if case.member.split == VALIDATION], TUNING_IMAGES)
     for family in tuned_rules() if tuning else ():
         scores = score_cases(Mixtures(catalog, pictures, family), catalog, tuning)
-        psnr = [mean(found.values(), "psnr") for found in scores]
+        psnr = [mean(by_case.values(), "psnr") for by_case in scores]
         best = int(np.argmax([-math.inf if value is None else value for value in psnr]))
         rules |= [list(family.items())[best]]
     return pictures, Mixtures(catalog, pictures, rules)

@@ -113,10 +113,10 @@ class MemberPictures:
 
     def _nearest(self, camera: Camera) -> dict[int, tuple[int, float]]:
         """The most similar view in each set of cameras, and the angle to it in degrees."""
-        found = {}
+        views = {}
         for key, (forwards, ups) in self._axes.items():
             cosines = forwards @ camera.forward  # [V]
             # Viewing directions alone do not determine the roll about the axis.
             view = int((cosines + 1e-3 * (ups @ camera.up)).argmax())
-            found[key] = view, float(np.degrees(np.arccos(np.clip(cosines[view], -1.0, 1.0))))
-        return found
+            views[key] = view, float(np.degrees(np.arccos(np.clip(cosines[view], -1.0, 1.0))))
+        return views

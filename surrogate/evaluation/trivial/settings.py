@@ -30,16 +30,16 @@ class TrainedSettings:
     @classmethod
     def of(cls, variation: Variation) -> TrainedSettings:
         """All trained settings."""
-        known = {s.appearance: variation.normalize(s.values) for s in variation.settings if s.split == "train"}
+        settings = {s.appearance: variation.normalize(s.values) for s in variation.settings if s.split == "train"}
         base = variation.normalize(None)
         if not np.isnan(base).any():
-            known[variation.base] = base
-        return cls(tuple(known), np.array(list(known.values())))
+            settings[variation.base] = base
+        return cls(tuple(settings), np.array(list(settings.values())))
 
     def among(self, appearances: Sequence[str]) -> TrainedSettings:
         """The settings that are among `appearances`."""
-        kept = [i for i, name in enumerate(self.appearances) if name in appearances]
-        return TrainedSettings(tuple(self.appearances[i] for i in kept), self.places[kept])
+        indices = [i for i, name in enumerate(self.appearances) if name in appearances]
+        return TrainedSettings(tuple(self.appearances[i] for i in indices), self.places[indices])
 
     def __len__(self) -> int:
         return len(self.appearances)

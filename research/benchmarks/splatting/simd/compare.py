@@ -37,14 +37,14 @@ def compare(runs: int = RUNS) -> str:
     with tempfile.TemporaryDirectory() as folder:
         for name in [name for name in kernels.instruction_sets() if WIDTHS[name] > 4]:
             programs = {library: _compiled(library, name, Path(folder)) for library in LIBRARIES}
-            found: dict[str, list[list[float]]] = {library: [] for library in LIBRARIES}
+            results: dict[str, list[list[float]]] = {library: [] for library in LIBRARIES}
             for _ in range(runs):
                 for library, program in programs.items():
                     if program is not None:
                         values = subprocess.run([program], capture_output=True, text=True, check=True).stdout.split()
-                        found[library].append([1e3 * float(value) for value in values[1:3]])
+                        results[library].append([1e3 * float(value) for value in values[1:3]])
                         sums.add(f"{float(values[3]):.3g}")
-            rows += [[library, name, *_cells(times)] for library, times in found.items()]
+            rows += [[library, name, *_cells(times)] for library, times in results.items()]
     if len(sums) > 1:
         raise RuntimeError(f"the libraries disagree about the result: {sorted(sums)}")
     return table(["library", "instruction set", "forward, ps per pair", "backward, ps per pair"], rows)

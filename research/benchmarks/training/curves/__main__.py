@@ -1,10 +1,10 @@
-"""What more time is worth: scenes trained for some minutes each, as `surrogate train CATALOG --minutes` does, and scored.
+"""Accuracy over training time: scenes trained for some minutes each, as `surrogate train CATALOG --minutes` does, and scored.
 
     taskset -c 0 python -m research.benchmarks.training.curves SCENE... [--minutes 0.5 2 4 15] [--runs runs]
     [--records research/records]
 
-The scenes' data sets must be there.  A minute is one of the machine: with `taskset` to one core, one of processor time.  A record
-of each training is kept at once; what is there already is not measured again, and `python -m
+The scenes' data sets must exist. A minute is one of the machine: with `taskset` to one core, one of processor time. A
+record of each training is stored at once, and stored ones are not measured again. `python -m
 research.benchmarks.results` draws them.
 """
 

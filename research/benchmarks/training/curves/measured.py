@@ -1,4 +1,4 @@
-"""How good a surrogate is after so many minutes of training, as `surrogate train CATALOG --minutes` trains it."""
+"""Accuracy of a surrogate after some minutes of training by `surrogate train CATALOG --minutes`."""
 
 from __future__ import annotations
 
@@ -25,11 +25,11 @@ class Point:
 
     Attributes
     ----------
-    minutes : that were asked for.
+    minutes : requested training time.
     seed : of the training.
-    gaussians, steps : how many there are in the model, and were made in all stages.
+    gaussians, steps : numbers of Gaussians in the model and of steps in all stages.
     megabytes : size of the model, 10^6 bytes.
-    seconds, processor_seconds : that training took, and those of all cores together.
+    seconds, processor_seconds : training time on the wall, and of all cores together.
     cells, variations : means by metric over the test images, as `surrogate.report.seeds.Scores` has them.
     evaluation : version of the evaluation that scored it.
     """
@@ -49,15 +49,15 @@ class Point:
     @property
     def unseen(self) -> dict[str, float]:
         """PSNR in dB at unseen views of unseen members, of the base appearance and by kind of variation."""
-        found = {"base": self.cells["psnr"]["unseen_views"]["unseen_parameters"]}
-        found |= {v["kind"]: v["psnr"]["unseen_settings"]["unseen_parameters"] for v in self.variations}
-        return {what: psnr for what, psnr in found.items() if psnr is not None}
+        decibels = {"base": self.cells["psnr"]["unseen_views"]["unseen_parameters"]}
+        decibels |= {v["kind"]: v["psnr"]["unseen_settings"]["unseen_parameters"] for v in self.variations}
+        return {what: psnr for what, psnr in decibels.items() if psnr is not None}
 
 
 def measure(catalog: Path, run: Path, minutes: float) -> Point:
     """Train a catalog for some minutes in the folder `run`, and score it on the test images.
 
-    A training that is finished there is scored as it is.  Raises ValueError where the catalog can't be learnt from, or the folder
+    A finished training is scored as it is. Raises ValueError where the catalog can't be learnt from, or the folder
     holds another run.
     """
     started, begun = time.perf_counter(), time.process_time()
@@ -77,14 +77,14 @@ def measure(catalog: Path, run: Path, minutes: float) -> Point:
 
 
 def save(records: Path, point: Point) -> Path:
-    """Keep a point in the folder of a scene's records; returns where."""
+    """Store a point in the folder of a scene's records; returns its path."""
     path = records / FOLDER / f"{point.minutes:g}.json"
     Record.of(KIND, VERSION, point, KEY).save(path)
     return path
 
 
 def load(records: Path) -> list[Point]:
-    """What is kept of a scene, by minutes."""
-    kept = Record.load_all(records / FOLDER, KIND, VERSION, {"evaluation": EVALUATION}).values()
-    found = [record.to(Point, lambda point: point.unseen) for record in kept]
-    return sorted((point for point in found if point is not None), key=lambda point: point.minutes)
+    """The stored points of a scene, by minutes."""
+    stored = Record.load_all(records / FOLDER, KIND, VERSION, {"evaluation": EVALUATION}).values()
+    points = [record.to(Point, lambda point: point.unseen) for record in stored]
+    return sorted((point for point in points if point is not None), key=lambda point: point.minutes)

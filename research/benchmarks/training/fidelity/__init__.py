@@ -1,1 +1,1 @@
-"""What limits the pictures of one volume made of Gaussians."""
+"""Limits of images of one volume made of Gaussians."""

@@ -1,10 +1,10 @@
-"""Fit one member in many ways, and draw one fit by other rules: what limits pictures of volumes made of Gaussians?
+"""Fit one member in many ways, and render one fit by other rules: limits of images of volumes made of Gaussians.
 
     python -m research.benchmarks.training.fidelity [--quick] [--scenes tgv-dvr cloverleaf] [--no-ensembles]
     [--page-only] [--runs DIRECTORY]
 
-About an hour on two cores.  Each fit's result is kept in runs/fidelity/; what is there is not fitted again, so it may be
-interrupted.  The page docs/volume_fidelity.md is written at the end, or at once with `--page-only`.
+Takes about an hour on two cores. Each fit's result is stored in runs/fidelity/ and not fitted again, so the command may
+be interrupted. The page docs/volume_fidelity.md is written at the end, or at once with `--page-only`.
 """
 
 from __future__ import annotations
@@ -71,13 +71,13 @@ def measure(scene: str, runs: Path, folder: Path, scale: float, say: Any) -> Non
 
 
 def stored(folder: Path) -> dict[FidelityVariant, dict[str, Any]]:
-    """The results that are there."""
-    found = {}
+    """The stored results."""
+    results = {}
     for variant in VARIANTS:
         path = folder / f"{variant.key}.json"
         if path.exists():
-            found[variant] = json.loads(path.read_text())
-    return found
+            results[variant] = json.loads(path.read_text())
+    return results
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""Whether what pays on a single member also pays on a whole ensemble with its deformation."""
+"""Changes that help on a single member, tested on a whole ensemble with its deformation."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ CHANGES: Mapping[str, Mapping[str, Any]] = {
 
 
 def measure(runs: Path, folder: Path, scale: float, say: Callable[[str], None]) -> None:
-    """Train every scene that is there with every change that has no result yet."""
+    """Train every available scene with every change that has no result yet."""
     for scene in SCENES:
         catalog = catalog_of(runs, scene)
         for name, change in CHANGES.items() if catalog else ():
@@ -44,16 +44,16 @@ def measure(runs: Path, folder: Path, scale: float, say: Callable[[str], None]) 
 
 
 def stored(folder: Path) -> list[dict[str, Any]]:
-    """The results that are there."""
+    """The stored results."""
     return [json.loads(path.read_text()) for path in sorted((folder / "ensembles").glob("*.json"))]
 
 
 def ensembles_table(results: list[dict[str, Any]]) -> str:
     """Validation PSNR by change and scene."""
     scenes = [scene for scene in SCENES if any(r["scene"] == scene for r in results)]
-    found = {(r["change"], r["scene"]): r["psnr"] for r in results}
+    scores = {(r["change"], r["scene"]): r["psnr"] for r in results}
     rows = [
-        [change, *(f"{found[change, scene]:.2f}" if (change, scene) in found else "–" for scene in scenes)]
+        [change, *(f"{scores[change, scene]:.2f}" if (change, scene) in scores else "–" for scene in scenes)]
         for change in CHANGES
     ]
     return table(["", *(f"{scene}: validation, dB" for scene in scenes)], rows)

@@ -1,4 +1,4 @@
-"""Fit Gaussians to one member of a catalog, without any deformation, and judge them."""
+"""Fit Gaussians to one member of a catalog without a deformation, and score them."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ POINTS = 6  # of a curve
 
 @dataclass(frozen=True, eq=False)
 class MemberImages:
-    """One training member of a scene: its images by split, and where Gaussians start."""
+    """One training member of a scene: its images by split, and the initial Gaussians' positions."""
 
     scene: str
     member: str
@@ -57,7 +57,11 @@ class MemberImages:
         examples = {
             split: load_examples(
                 catalog,
-                [ImageRow(member, view, appearance) for view, kept in enumerate(member.view_splits) if kept == split],
+                [
+                    ImageRow(member, view, appearance)
+                    for view, assigned in enumerate(member.view_splits)
+                    if assigned == split
+                ],
                 normalization,
             )
             for split in ("train", "validation", "test")
@@ -67,7 +71,7 @@ class MemberImages:
 
 
 class MemberFit(NamedTuple):
-    """What came out: JSON values, and the Gaussians."""
+    """The result of a fit: JSON values, and the Gaussians."""
 
     record: dict[str, Any]
     gaussians: Gaussians
@@ -111,12 +115,12 @@ def settings_of(variant: FidelityVariant, scale: float) -> TrainingSettings:
 
 
 def is_fitted(path: Path, settings: TrainingSettings) -> bool:
-    """Whether `path` holds a result with these settings, but for where it was computed."""
+    """True if `path` holds a result with these settings, apart from where it was computed."""
     if not path.exists():
         return False
     elsewhere = {"device", "backend", "checkpoint_seconds"}
-    found, wanted = json.loads(path.read_text())["settings"], settings.to_json()
-    return all(found.get(name) == value for name, value in wanted.items() if name not in elsewhere)
+    stored, wanted = json.loads(path.read_text())["settings"], settings.to_json()
+    return all(stored.get(name) == value for name, value in wanted.items() if name not in elsewhere)
 
 
 def judge(
@@ -150,11 +154,11 @@ def _mean_of_four(picture: NDArray[np.float32]) -> NDArray[np.float32]:
 
 
 def provenance() -> dict[str, Any]:
-    """What made a result: the machine and the commit."""
+    """The provenance of a result: the machine and the commit."""
     return {"machine": machine(), "commit": commit("surrogate", "catalogs", "research/benchmarks/training/fidelity")}
 
 
 def catalog_of(runs: Path, scene: str) -> Catalog | None:
-    """The scene's catalog, or None where it has not been made."""
+    """The scene's catalog; None where it has not been made."""
     folder = runs / scene / "catalog.cdb"
     return Catalog.open(folder) if folder.is_dir() else None

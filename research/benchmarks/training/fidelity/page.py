@@ -21,7 +21,7 @@ Results = Mapping[str, Mapping[FidelityVariant, Mapping[str, Any]]]
 
 def write(output: Path, results: Results, ensembles: list[dict[str, Any]], say: Callable[[str], None]) -> None:
     """Fill the page's parts with what there is; scenes without a base fit are left out."""
-    results = {scene: found for scene, found in results.items() if any(v.group == BASE for v in found)}
+    results = {scene: records for scene, records in results.items() if any(v.group == BASE for v in records)}
     if not results:
         say("there are no results yet")
         return
@@ -41,23 +41,23 @@ def write(output: Path, results: Results, ensembles: list[dict[str, Any]], say: 
 
 def variants_table(results: Results) -> str:
     """A row per variant; per scene its PSNR, and what it gains over the mean of the base's seeds."""
-    every = list(dict.fromkeys(variant for found in results.values() for variant in found))
+    every = list(dict.fromkeys(variant for records in results.values() for variant in records))
     header = ["", ""]
     for scene in results:
         header += [f"{scene}: validation, dB", "change", "test", "at half size"]
     rows = []
     for variant in every:
         row = ["**" + variant.group + "**" if _is_first(variant, every) else "", variant.name]
-        for found in results.values():
-            base = [r for v, r in found.items() if v.group == BASE]
-            row += _cells(found.get(variant), base)
+        for records in results.values():
+            base = [r for v, r in records.items() if v.group == BASE]
+            row += _cells(records.get(variant), base)
         rows.append(row)
     return table(header, rows)
 
 
 def rules_table(results: Results) -> str:
-    """How much each rule changes the same Gaussians' pictures, in dB, beside their error."""
-    by_scene = {scene: _rules(found) for scene, found in results.items()}
+    """Change of the same Gaussians' images by each rule, in dB, beside their error."""
+    by_scene = {scene: _rules(records) for scene, records in results.items()}
     names = list(next(iter(by_scene.values())))
     label = {"error": "*the drawn picture against the volume's own*"}
     return table(
@@ -71,10 +71,10 @@ def plot(path: Path, results: Results) -> None:
     shown = {"Gaussians": "gaussians", "steps": "canonical_steps"}
     with panels(path, len(shown), width=4.0, height=3.2) as axes:
         for axis, (group, setting) in zip(axes, shown.items(), strict=True):
-            for (scene, found), color, marker in zip(results.items(), COLORS, MARKERS, strict=False):
-                kept = [r for v, r in found.items() if v.group == group or (v.group == BASE and v.name == "seed 0")]
-                points = sorted({r["settings"][setting]: r["validation"] for r in kept}.items())
-                level = np.mean([r["validation"] for v, r in found.items() if v.group == BASE])
+            for (scene, records), color, marker in zip(results.items(), COLORS, MARKERS, strict=False):
+                chosen = [r for v, r in records.items() if v.group == group or (v.group == BASE and v.name == "seed 0")]
+                points = sorted({r["settings"][setting]: r["validation"] for r in chosen}.items())
+                level = np.mean([r["validation"] for v, r in records.items() if v.group == BASE])
                 x = [value for value, _ in points]
                 axis.plot(
                     x, [y - level for _, y in points], f"{marker}-", color=color, markersize=4, linewidth=1, label=scene
@@ -98,8 +98,8 @@ def _cells(record: Mapping[str, Any] | None, base: list[Mapping[str, Any]]) -> l
     ]
 
 
-def _rules(found: Mapping[FidelityVariant, Mapping[str, Any]]) -> dict[str, float]:
-    return next(dict(r["rules"]) for v, r in found.items() if v.group == BASE and "rules" in r)
+def _rules(records: Mapping[FidelityVariant, Mapping[str, Any]]) -> dict[str, float]:
+    return next(dict(r["rules"]) for v, r in records.items() if v.group == BASE and "rules" in r)
 
 
 def _is_first(variant: FidelityVariant, every: list[FidelityVariant]) -> bool:

@@ -1,8 +1,8 @@
-"""The same fitted Gaussians under other rules of drawing, in float64: what each approximation of splatting changes.
+"""The same fitted Gaussians rendered by other rules in float64: the effect of each approximation of splatting.
 
 The ray of a pixel, x(t) = origin + t direction, meets a Gaussian whose whitening matrix is A (A^T A is the inverse covariance).
-With u = A (origin - mean) and v = A direction, the density along the ray is a Gaussian in t, around t* = -u.v / v.v, with
-standard deviation 1 / |v|; its largest value there is exp(-|u x v|^2 / (2 |v|^2)).
+With u = A (origin - mean) and v = A direction, the density along the ray is a Gaussian in t. It is centred at t* = -u.v
+/ v.v and has standard deviation 1 / |v|; its largest value is exp(-|u x v|^2 / (2 |v|^2)).
 """
 
 from __future__ import annotations
@@ -26,24 +26,24 @@ from surrogate.splatting import Constants, reference
 from surrogate.training.data import Example
 
 Array = NDArray[np.float64]
-CELLS = 256  # that a ray is divided into for the integral
+CELLS = 256  # of a ray for the integral
 SMALLEST = 1e-6  # alphas below it don't count where there is no floor
 NO_CAP = 1.0 - 1e-9
 VIEWS = 4
-PIXELS = 192  # of each view, where there is something to see
+PIXELS = 192  # of each view, in its foreground
 
 
 def study(subject: MemberImages, gaussians: Gaussians, settings: TrainingSettings) -> dict[str, Any]:
     """Mean differences over some validation views, in dB, and the model's own error at the same pixels."""
-    found = []
+    results = []
     for example in _spread(subject.examples["validation"], VIEWS):
         pixels = _shown(example, subject.background)
         drawn = pictures(gaussians, example.camera, Rasterizer.of(settings), pixels)
         truth = example.pixels[pixels[:, 1], pixels[:, 0]] / 255.0  # [P, 3 or 4]
         channels = truth.shape[1]
         error = decibels(float(np.mean((drawn["drawn"][:, :channels] - truth) ** 2)))
-        found.append({"error": error, **differences(drawn)})
-    return {name: float(np.mean([one[name] for one in found])) for name in found[0]}
+        results.append({"error": error, **differences(drawn)})
+    return {name: float(np.mean([one[name] for one in results])) for name in results[0]}
 
 
 class RayCrossings(NamedTuple):
@@ -57,11 +57,11 @@ class RayCrossings(NamedTuple):
 def pictures(
     gaussians: Gaussians, camera: Camera, rasterizer: Rasterizer, pixels: NDArray[np.int64]
 ) -> dict[str, Array]:
-    """Premultiplied RGBA (P, 4) of `pixels` (P, 2; column and row) by rule; "drawn" is as the surrogate draws."""
+    """Premultiplied RGBA (P, 4) of `pixels` (P, 2; column and row) by rule; "drawn" is the surrogate's own."""
     ordered = _front_to_back(gaussians, camera, rasterizer)
     colors = ordered.colors_from(torch.from_numpy(camera.position)).numpy()  # [M, 3]
     drawn = rasterizer.constants
-    found = {
+    by_rule = {
         "drawn": _over(_splatted(ordered, camera, pixels, drawn), colors),
         "no alpha floor": _over(_splatted(ordered, camera, pixels, replace(drawn, alpha_floor=SMALLEST)), colors),
         "no alpha cap": _over(_splatted(ordered, camera, pixels, replace(drawn, alpha_cap=NO_CAP)), colors),
@@ -70,16 +70,16 @@ def pictures(
     plain = _splatted(ordered, camera, pixels, replace(drawn, alpha_floor=SMALLEST, dilation=0.0))  # [P, M]
     rays = along_rays(ordered, camera, pixels)
     exact = np.where(rays.alphas >= SMALLEST, np.minimum(rays.alphas, drawn.alpha_cap), 0.0)  # [P, M]
-    found["no floor, no dilation"] = _over(plain, colors)
-    found["sorted along each ray"] = _over_by(rays.places, plain, colors)
-    found["exact projection"] = _over(exact, colors)
-    found["exact projection, sorted along each ray"] = _over_by(rays.places, exact, colors)
-    found["exact projection, overlaps integrated"] = integrated(rays._replace(alphas=exact), colors)
-    return found
+    by_rule["no floor, no dilation"] = _over(plain, colors)
+    by_rule["sorted along each ray"] = _over_by(rays.places, plain, colors)
+    by_rule["exact projection"] = _over(exact, colors)
+    by_rule["exact projection, sorted along each ray"] = _over_by(rays.places, exact, colors)
+    by_rule["exact projection, overlaps integrated"] = integrated(rays._replace(alphas=exact), colors)
+    return by_rule
 
 
-def differences(found: Mapping[str, Array]) -> dict[str, float]:
-    """By how much, in dB of PSNR over colours and alpha, each rule differs from the one that it departs from."""
+def differences(by_rule: Mapping[str, Array]) -> dict[str, float]:
+    """Difference, in dB of PSNR over colours and alpha, of each rule from the one that it departs from."""
     departures = {
         "no alpha floor": "drawn",
         "no alpha cap": "drawn",
@@ -88,11 +88,11 @@ def differences(found: Mapping[str, Array]) -> dict[str, float]:
         "exact projection": "no floor, no dilation",
         "exact projection, overlaps integrated": "exact projection, sorted along each ray",
     }
-    return {rule: decibels(float(np.mean((found[rule] - found[base]) ** 2))) for rule, base in departures.items()}
+    return {rule: decibels(float(np.mean((by_rule[rule] - by_rule[base]) ** 2))) for rule, base in departures.items()}
 
 
 def along_rays(gaussians: Gaussians, camera: Camera, pixels: NDArray[np.int64]) -> RayCrossings:
-    """Where and how densely each ray meets each Gaussian."""
+    """Position and density of each Gaussian along each ray."""
     directions = np.stack(
         [
             (pixels[:, 0] + 0.5 - camera.cx) / camera.fx,
@@ -113,10 +113,10 @@ def along_rays(gaussians: Gaussians, camera: Camera, pixels: NDArray[np.int64]) 
 
 
 def integrated(rays: RayCrossings, colors: Array) -> Array:
-    """Premultiplied RGBA (P, 4) of the mixture that the Gaussians are together: emission and absorption along each ray.
+    """Premultiplied RGBA (P, 4) of the Gaussians as one medium: emission and absorption along each ray.
 
-    A Gaussian's optical depth -ln(1 - alpha) is spread along the ray by its own profile; where several overlap, light passes
-    through all of them at once, in no order.
+    A Gaussian's optical depth -ln(1 - alpha) is spread along the ray by its own profile; where several overlap, light
+    passes through all of them at once.
     """
     return np.array([_integral(*(part[i] for part in rays), colors) for i in range(len(rays.alphas))])
 
@@ -154,8 +154,8 @@ def _front_to_back(gaussians: Gaussians, camera: Camera, rasterizer: Rasterizer)
     exact = Gaussians(**{name: tensor.double() for name, tensor in gaussians.tensors().items()})
     depths = exact.means.numpy() @ camera.forward + camera.world_to_camera[2, 3]  # [N]
     order = np.argsort(depths.astype(np.float32), kind="stable")
-    kept = order[depths[order] > rasterizer.constants.near]
-    return Gaussians(**{name: tensor[torch.from_numpy(kept)] for name, tensor in exact.tensors().items()})
+    visible = order[depths[order] > rasterizer.constants.near]
+    return Gaussians(**{name: tensor[torch.from_numpy(visible)] for name, tensor in exact.tensors().items()})
 
 
 def _splatted(gaussians: Gaussians, camera: Camera, pixels: NDArray[np.int64], constants: Constants) -> Array:
@@ -172,7 +172,7 @@ def _over(alphas: Array, colors: Array) -> Array:
 
 def _over_by(places: Array, alphas: Array, colors: Array) -> Array:
     """As `_over`, with an order per ray."""
-    found: Sequence[Array] = [
+    colors_of_pixels: Sequence[Array] = [
         _over(row[order][None], colors[order])[0] for row, order in zip(alphas, np.argsort(places, axis=1), strict=True)
     ]
-    return np.array(found)
+    return np.array(colors_of_pixels)

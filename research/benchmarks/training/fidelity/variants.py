@@ -1,4 +1,4 @@
-"""What is changed, one thing at a time, in fitting one member: settings as data, and alternatives to the sigmoid.
+"""Variants of fitting one member, one change at a time: settings as data, and alternatives to the sigmoid.
 
 1 - exp(-softplus(x)), an optical depth kept positive by softplus, is the sigmoid itself: exp(-softplus(x)) = 1 / (1 + e^x).
 """
@@ -36,7 +36,7 @@ ACTIVATIONS: Mapping[str, Activation] = {
 
 
 def with_activation(gaussians: Gaussians, name: str) -> Gaussians:
-    """The Gaussians that `surrogate` knows, whose opacities are those that the activation gives; differentiable."""
+    """Gaussians of `surrogate` whose opacities are those of the activation; differentiable."""
     if name == "sigmoid":
         return gaussians
     opacities = ACTIVATIONS[name].opacity(gaussians.opacity_logits).clamp(1e-7, 1.0 - 1e-6)  # [N]
@@ -49,8 +49,8 @@ class FidelityVariant:
 
     Attributes
     ----------
-    group, name : what is asked, and this answer to it.
-    settings : of `TrainingSettings`, over those of every fit.
+    group, name : the question, and this answer to it.
+    settings : values of `TrainingSettings` that replace those of every fit.
     activation : of `ACTIVATIONS`.
     """
 
@@ -79,4 +79,4 @@ def _variants() -> list[FidelityVariant]:
     ]
 
 
-VARIANTS = _variants()  # the first are what the others are compared with, and differ only by chance
+VARIANTS = _variants()  # the others are compared with the first ones, which differ only by chance

@@ -1,1 +1,1 @@
-"""A surrogate under transfer functions that it never saw, against the field itself."""
+"""A surrogate under transfer functions that it was never trained with, against the field itself."""

@@ -1,4 +1,4 @@
-"""How well a surrogate shows functions that it never saw, and how well it would be to show the trained one instead."""
+"""Accuracy of a surrogate under untrained transfer functions, compared with showing the trained one instead."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import numpy as np
 
 from catalogs.store.catalog import Catalog
 from catalogs.vocabulary.appearance import TransferFunction
-from research.benchmarks.training.functions.asked import PEAK, TRAINED, appearance_name
+from research.benchmarks.training.functions.departures import PEAK, TRAINED, appearance_name
 from surrogate.evaluation.cases import Case
 from surrogate.evaluation.novelty import SeenValues
 from surrogate.evaluation.predictor import SurrogatePredictor
@@ -27,14 +27,14 @@ KIND, VERSION, FOLDER = "functions", 1, "functions"  # of a scene's records
 
 @dataclass(frozen=True)
 class FunctionScores:
-    """How well one function is shown, of all images of a catalog: dB but for `ssim`, `novelty` and `images`.
+    """Scores of one function over all images of a catalog: dB but for `ssim`, `novelty` and `images`.
 
     Attributes
     ----------
-    psnr, worst : the mean and the worst of all images.
+    psnr, worst : mean and worst PSNR over all images.
     psnr_foreground : None where no image has a foreground.
-    instead : what the picture under the trained function has.
-    novelty : the share of what the function shows that training did not; None where that is not known.
+    instead : PSNR of the image under the trained function.
+    novelty : the share of the visible amount that training did not show; None if unknown.
     """
 
     function: str
@@ -55,17 +55,18 @@ def shown(
     functions: Mapping[str, TransferFunction],
     seen: SeenValues | None,
 ) -> list[FunctionScores]:
-    """Each function on all pictures of `truth` of these members; raises ValueError where the surrogate can't show any function."""
-    known, views, found = [truth.member(name) for name in members], range(len(truth.plan.cameras)), []
+    """Scores of each function on all images of `truth` of these members; raises ValueError where the surrogate can't
+    show any function."""
+    chosen, views, scores = [truth.member(name) for name in members], range(len(truth.plan.cameras)), []
     for name, function in functions.items():
-        cases = [Case(member, view, appearance_name(name)) for member in known for view in views]
-        # The trained function, among the others for comparison, is what the surrogate shows without being asked for any.
+        cases = [Case(member, view, appearance_name(name)) for member in chosen for view in views]
+        # The trained function, included for comparison, is the surrogate's default.
         under = surrogate.at if name == TRAINED else partial(surrogate.under, function)
         scored, instead = (
             list(score_cases(SurrogatePredictor(at, None), truth, cases)[0].values()) for at in (under, surrogate.at)
         )
-        found.append(_shown(name, scored, instead, None if seen is None else seen.novelty(function)))
-    return found
+        scores.append(_shown(name, scored, instead, None if seen is None else seen.novelty(function)))
+    return scores
 
 
 def _shown(name: str, scored: Sequence[Scored], instead: Sequence[Scored], novelty: float | None) -> FunctionScores:
@@ -82,12 +83,12 @@ def _shown(name: str, scored: Sequence[Scored], instead: Sequence[Scored], novel
 
 
 def unseen(rows: Sequence[FunctionScores]) -> list[FunctionScores]:
-    """Those that a mean is taken of: not the trained function, nor the peak."""
+    """The rows of untrained functions, without the peak."""
     return [row for row in rows if row.function not in (TRAINED, PEAK)]
 
 
 def mean_and_worst(rows: Sequence[FunctionScores]) -> tuple[float, float]:
-    """Of the means of the functions never seen, their mean and the worst, dB."""
+    """Mean and worst of the untrained functions' means, dB."""
     means = [row.psnr for row in unseen(rows)]
     return float(np.mean(means)), min(means)
 
@@ -95,7 +96,7 @@ def mean_and_worst(rows: Sequence[FunctionScores]) -> tuple[float, float]:
 def save(
     records: Path, surrogate: Surrogate, rows: Sequence[FunctionScores], about: Mapping[str, Any], seconds: float
 ) -> Path:
-    """Keep the rows of one seed in the folder of a scene's records; returns where."""
+    """Store the rows of one seed in the folder of a scene's records; returns the path."""
     settings = dict(surrogate.training["settings"])
     key = {"seed": settings["seed"], "fingerprint": surrogate.training["fingerprint"], "settings": settings}
     values = {**about, "functions": [vars(row) for row in rows]}
@@ -105,9 +106,9 @@ def save(
 
 
 def load(records: Path, settings: Mapping[str, Any]) -> list[tuple[Record, list[FunctionScores]]]:
-    """What is kept of all seeds of these settings, by seed."""
-    kept = Record.load_all(records / FOLDER, KIND, VERSION).values()
-    same = [record for record in kept if _but_seed(record.key["settings"]) == _but_seed(settings)]
+    """The stored records and rows of all seeds with these settings, by seed."""
+    stored = Record.load_all(records / FOLDER, KIND, VERSION).values()
+    same = [record for record in stored if _but_seed(record.key["settings"]) == _but_seed(settings)]
     return [
         (r, [FunctionScores(**row) for row in r.values["functions"]]) for r in sorted(same, key=lambda r: r.key["seed"])
     ]
@@ -118,12 +119,12 @@ def _but_seed(settings: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def rows_table(seeds: Sequence[Sequence[FunctionScores]]) -> str:
-    """A row for each function, means ± standard deviations over seeds, and one for the mean of those never seen."""
+    """A row for each function, means ± standard deviations over seeds, and one for the mean of untrained ones."""
 
     def spread(values: Sequence[float | None]) -> str:
-        known = [value for value in values if value is not None]
-        deviation = f" ± {np.std(known, ddof=1):.2f}" if len(known) > 1 else ""
-        return number(float(np.mean(known)) if known else None) + deviation
+        numbers = [value for value in values if value is not None]
+        deviation = f" ± {np.std(numbers, ddof=1):.2f}" if len(numbers) > 1 else ""
+        return number(float(np.mean(numbers)) if numbers else None) + deviation
 
     def of(rows: Sequence[FunctionScores]) -> list[str]:
         first = rows[0]

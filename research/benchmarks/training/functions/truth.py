@@ -1,4 +1,4 @@
-"""Pictures of test members under functions that no catalog holds, rendered from the field again and kept beside the run."""
+"""Ground-truth images of test members under untrained functions, rendered again from the field and stored beside the run."""
 
 from __future__ import annotations
 
@@ -16,26 +16,26 @@ from insitu.ensembles.sources import Ensemble, ensemble_of
 from insitu.fields.member_fields import Fields, as_fields
 from render import render_views
 from render.quality import choose_sample_distance
-from research.benchmarks.training.functions.asked import appearance_name
+from research.benchmarks.training.functions.departures import appearance_name
 from surrogate.evaluation.scoring import spread
 
 FOLDER = "functions"
-VERSION = 1  # of how these pictures are made
+VERSION = 1  # of the rendering of these images
 
 
 @dataclass(frozen=True, eq=False)
 class TruthRequest:
-    """What is to be rendered.
+    """The images to be rendered.
 
     Attributes
     ----------
-    ensemble : where the fields come from.
-    catalog : of the run, whose members, cameras and base appearance are taken.
-    base : the appearance that was trained.
-    functions : instead of the base's, by name.
+    ensemble : source of the fields.
+    catalog : the run's catalog, which gives members, cameras and base appearance.
+    base : the trained appearance.
+    functions : transfer functions in place of the base's, by name.
     members : test members of `catalog` that `ensemble` can make again.
-    views : which of the catalog's cameras, all of them of test views.
-    target_decibels : that the pictures keep to a converged rendering.
+    views : indices of the catalog's cameras, all of them test views.
+    target_decibels : PSNR against a converged rendering.
     """
 
     ensemble: Ensemble
@@ -56,9 +56,10 @@ class TruthRequest:
         members: int,
         views: int,
     ) -> TruthRequest:
-        """At most so many test members and test views, evenly spread.
+        """A request for at most `members` test members and `views` test views, evenly spread.
 
-        Raises ValueError where the scene's fields can't be had again, or the catalog has no test members or shared test views.
+        Raises ValueError where the scene's fields are not available again, or the catalog has no test members or shared
+        test views.
         """
         ensemble, plan = ensemble_of(scene), catalog.plan
         again = {member.name for member in ensemble.members}
@@ -81,14 +82,14 @@ class TruthRequest:
 
     @property
     def appearances(self) -> tuple[VolumeRendering, ...]:
-        """One for each function."""
+        """The appearance for each function."""
         return tuple(
             replace(self.base, name=appearance_name(n), transfer_function=f) for n, f in self.functions.items()
         )
 
     @property
     def mark(self) -> str:
-        """Changes with all that decides the pictures, other than the members."""
+        """A mark that changes with everything that determines the images, other than the members."""
         plan, source = self.catalog.plan, dict(self.ensemble.source.identity)
         cameras = [plan.cameras[view].to_json() for view in self.views]
         shown = [appearance_to_json(appearance) for appearance in self.appearances]
@@ -97,7 +98,7 @@ class TruthRequest:
 
 
 def truth(wanted: TruthRequest, run: Path, say: Callable[[str], None] = lambda _: None) -> Catalog:
-    """A catalog with these pictures, and maybe of more members, in the folder of a run; only what is missing is rendered."""
+    """A catalog with these images, and maybe other members, in the folder of a run; only missing images are rendered."""
     path = run / FOLDER / f"{wanted.mark}.cdb"
     catalog = Catalog.open(path) if path.is_dir() else None
     planned = {member.name: member for member in wanted.ensemble.members}
@@ -117,7 +118,7 @@ def _fields(wanted: TruthRequest, member: PlannedMember) -> Fields:
 
 
 def _created(path: Path, wanted: TruthRequest, first: Fields) -> Catalog:
-    """The catalog without members; its sample distances are those that the fields of the first one need."""
+    """The catalog without members; its sample distances follow from the first member's fields."""
     plan, grid = wanted.catalog.plan, first.shown_by(wanted.base)
     cameras = tuple(plan.cameras[view] for view in wanted.views)
     distances = {

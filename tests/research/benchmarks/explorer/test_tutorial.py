@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from research.benchmarks.explorer.tutorial import LIVE, NOTEBOOK, executed, kept
+from research.benchmarks.explorer.tutorial import LIVE, NOTEBOOK, executed, reproducible
 
 PROJECT = Path(__file__).resolve().parents[4]
 MOST_BYTES = 1_000_000
@@ -95,5 +95,5 @@ def test_it_still_runs_and_holds_what_it_says(tmp_path: Path) -> None:
         assert "<iframe" in shown["text/html"]
     else:
         assert "gs-surrogate[explore]" in shown["text/plain"]
-    assert not MACHINE.search(texts(kept(notebook)))
+    assert not MACHINE.search(texts(reproducible(notebook)))
     assert not [folder for folder in (PROJECT, PROJECT / "docs") if (folder / "vortex").exists()]

@@ -4,7 +4,7 @@ from pathlib import Path
 
 from research.benchmarks.results.functions import functions_section
 from research.benchmarks.results.scenes import SceneResults
-from research.benchmarks.training.functions.asked import PEAK, TRAINED
+from research.benchmarks.training.functions.departures import PEAK, TRAINED
 from research.benchmarks.training.functions.measured import KIND, VERSION, FunctionScores
 from surrogate.storage.records import Provenance, Record
 

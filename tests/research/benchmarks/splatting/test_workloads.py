@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 import torch
 
-from research.benchmarks.splatting.twin import ask, patches
+from research.benchmarks.splatting.reference_patches import draw_patches, patches
 from research.benchmarks.splatting.workloads import FIXED, OTHERS, Workload, thousands
 
 
 def test_fixed_workload_is_as_deep_as_it_says() -> None:
     """256², 20,000 Gaussians, about 140 per covered pixel and at least 8.5 M pairs, from a quarter of the frame."""
     assert (FIXED.size, FIXED.count, FIXED.sigmas, FIXED.opacities) == (256, 20_000, (2, 6), (0.02, 0.2))
-    counted = ask(FIXED.view(), 256, gradients=False).counted
+    counted = draw_patches(FIXED.view(), 256, gradients=False).counted
     assert counted.depth == pytest.approx(143, rel=0.05)
     assert counted.interactions / counted.pixels * 256**2 == pytest.approx(8.8e6, rel=0.05)
 

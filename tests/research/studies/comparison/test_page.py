@@ -9,7 +9,7 @@ import pytest
 
 from research.studies.comparison.methods import CONTESTANTS, LIGHT, OURS, chosen
 from research.studies.comparison.page import cell_names, in_short, leaders, tables
-from research.studies.comparison.pictures import SHOWN, TRUTH, kept, path_of
+from research.studies.comparison.pictures import SHOWN, TRUTH, path_of, stored_images
 from research.studies.comparison.plots import curves, sheet, without_pictures
 from research.studies.comparison.result import AS_PUBLISHED, TRIVIAL, ComparisonResult, MethodRow, Terms, load, save
 from research.studies.comparison.trivial import best_of
@@ -164,9 +164,9 @@ def test_a_sheet_shows_whom_there_are_pictures_of(tmp_path: Path) -> None:
 
 def test_pictures_are_kept_all_or_none(tmp_path: Path) -> None:
     keep_pictures(tmp_path, TRUTH)
-    assert len(kept(tmp_path, TRUTH)) == len(SHOWN)
+    assert len(stored_images(tmp_path, TRUTH)) == len(SHOWN)
     path_of(tmp_path, TRUTH, 1).unlink()
-    assert kept(tmp_path, TRUTH) == []
+    assert stored_images(tmp_path, TRUTH) == []
 
 
 def _width(png: bytes) -> int:

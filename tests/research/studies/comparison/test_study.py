@@ -16,7 +16,7 @@ from research.studies.baselines.method import Plan
 from research.studies.comparison import tuning
 from research.studies.comparison.contestants import OurSurrogate, Published, curve_of, emptied, precision_here
 from research.studies.comparison.fitting import OutOfTime
-from research.studies.comparison.pictures import TRUTH, kept, path_of, shown_cases
+from research.studies.comparison.pictures import TRUTH, path_of, shown_cases, stored_images
 from research.studies.comparison.result import AS_PUBLISHED, TRIVIAL, ComparisonResult, find, in_float32, load, save
 from research.studies.comparison.study import FITS, ComparisonStudy, scored
 from research.studies.comparison.task import ComparisonTask
@@ -210,10 +210,10 @@ def test_pictures_of_the_same_images_are_kept(task: ComparisonTask, tmp_path: Pa
     made.run()
     path_of(made.records, TRUTH, 0).unlink()
     made.run()  # of records without it, such as those of an earlier version
-    drawn = kept(made.records, made.wanted("mean", SECOND, 0).name)
+    drawn = stored_images(made.records, made.wanted("mean", SECOND, 0).name)
     for number, case in enumerate(shown_cases(task)):
         assert case.member.split == "test"
-        truth = 255.0 * kept(made.records, TRUTH)[number]
+        truth = 255.0 * stored_images(made.records, TRUTH)[number]
         rgba = task.catalog.image(case.member, case.appearance, case.view).astype(float)
         expected = rgba[..., :3] + (255.0 - rgba[..., 3:])
         assert abs(truth - expected).max() <= 1.0

@@ -10,7 +10,7 @@ import pytest
 
 from catalogs.store.catalog import Catalog
 from research.benchmarks.training.functions.__main__ import main
-from research.benchmarks.training.functions.asked import PEAK, TRAINED
+from research.benchmarks.training.functions.departures import PEAK, TRAINED
 from research.benchmarks.training.functions.measured import (
     FOLDER,
     FunctionScores,

@@ -11,7 +11,7 @@ from catalogs.store.catalog import Catalog
 from catalogs.store.splits import Splits
 from catalogs.vocabulary.scene import Scene
 from research.benchmarks.training.functions.__main__ import base_of, functions_of
-from research.benchmarks.training.functions.asked import TRAINED
+from research.benchmarks.training.functions.departures import TRAINED
 from research.benchmarks.training.functions.truth import FOLDER, TruthRequest, truth
 from surrogate.evaluation.metrics import score
 from surrogate.evaluation.novelty import SeenValues

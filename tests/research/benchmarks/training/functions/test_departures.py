@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from catalogs.vocabulary.appearance import TransferFunction
-from research.benchmarks.training.functions.asked import KNOWN_MARKS, PEAK, Marks, asked_functions, places
+from research.benchmarks.training.functions.departures import KNOWN_MARKS, PEAK, Marks, departures, places
 from surrogate.evaluation.novelty import SeenValues
 
 # Those of scenes/cloverleaf.toml, rounded.
@@ -18,7 +18,7 @@ FOUR_POINTS = TransferFunction(COLORS, ((0.8, 0.0), (2.0, 0.1), (6.0, 0.5), (9.2
 
 
 def test_the_functions_of_cloverleaf_are_those_that_the_goals_name() -> None:
-    found = asked_functions(BASE, KNOWN_MARKS["cloverleaf"])
+    found = departures(BASE, KNOWN_MARKS["cloverleaf"])
     expected = {
         "half": [a / 2 for a in OPACITIES],
         "double": [min(0.95, 1 - (1 - a) ** 2) for a in OPACITIES],
@@ -44,7 +44,7 @@ def test_a_function_of_few_points_is_changed_at_more_and_stays_itself_between() 
     at = places(FOUR_POINTS)
     assert len(at) >= 16
     assert {0.8, 2.0, 6.0, 9.2} <= set(at)
-    half = asked_functions(FOUR_POINTS, Marks(1.0, 2.0, 4.0, 7.0))["half"]
+    half = departures(FOUR_POINTS, Marks(1.0, 2.0, 4.0, 7.0))["half"]
     values = np.linspace(0.0, 10.0, 101)
     np.testing.assert_allclose(half.opacities(values), FOUR_POINTS.opacities(values) / 2, atol=1e-12)
 

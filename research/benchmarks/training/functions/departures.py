@@ -1,4 +1,4 @@
-"""Which transfer functions are asked for: seven departures from the trained one, and a narrow peak, which is reported apart."""
+"""The tested transfer functions: seven departures from the trained one, and a narrow peak, which is reported separately."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from surrogate.evaluation.novelty import SeenValues
 
 TRAINED, PEAK = "trained", "narrow peak"
 MOST_OPAQUE = 0.95
-FEWEST = 10  # opacity points, below which a function gets more places to be changed at
+FEWEST = 10  # opacity points; functions with fewer get more
 MORE = 16
-SHARES = (0.14, 0.36, 0.66, 0.97)  # of what is shown below the marks: those of cloverleaf's
+SHARES = (0.14, 0.36, 0.66, 0.97)  # shares of the visible amount below the marks, as in cloverleaf
 PEAK_WIDTH = 0.01  # of the function's range, to either side
 PEAK_OPACITY = 0.8
 
@@ -31,19 +31,20 @@ class Marks:
 
     @classmethod
     def of(cls, seen: SeenValues, base: TransferFunction) -> Marks:
-        """Those below which `SHARES` of what the base shows of the training members stand; raises ValueError for a base without."""
+        """The values below which `SHARES` of the base's visible amount in training members lie; raises ValueError for a
+        base without."""
         return cls(*(seen.quantile(base, share) for share in SHARES))
 
     @property
     def width(self) -> float:
-        """Of the bump in the middle."""
+        """Width of the bump in the middle."""
         return (self.high - self.middle) / 1.5
 
 
 KNOWN_MARKS: Mapping[str, Marks] = {"cloverleaf": Marks(1.2, 2.0, 3.0, 4.5)}  # by scene, in the field's unit
 
 
-def asked_functions(base: TransferFunction, marks: Marks) -> dict[str, TransferFunction]:
+def departures(base: TransferFunction, marks: Marks) -> dict[str, TransferFunction]:
     """The seven functions and the peak, by name, at the control points of the base's opacity, at more where it has few."""
     values = places(base)  # [P]
     opacities = base.opacities(values)  # [P]
@@ -57,10 +58,10 @@ def asked_functions(base: TransferFunction, marks: Marks) -> dict[str, TransferF
         "low": np.where(values < marks.low, 0.5, np.where(values < marks.lower, 0.2, 0.0)),
         "middle": 0.6 * bump,
     }
-    found = {name: _with_opacities(base, values, of) for name, of in changed.items()}
+    functions = {name: _with_opacities(base, values, of) for name, of in changed.items()}
     turned = tuple((value, blue, red, green) for value, red, green, blue in base.color_points)
-    found["colours"] = replace(_with_opacities(base, values, opacities), color_points=turned)
-    return {**found, PEAK: _peak(base, marks.middle)}
+    functions["colours"] = replace(_with_opacities(base, values, opacities), color_points=turned)
+    return {**functions, PEAK: _peak(base, marks.middle)}
 
 
 def appearance_name(function: str) -> str:
@@ -82,7 +83,7 @@ def _with_opacities(
 
 
 def _peak(base: TransferFunction, center: float) -> TransferFunction:
-    """Opaque at one value, and transparent a hundredth of the range away from it."""
+    """A function that is opaque at one value, and transparent a hundredth of the range away from it."""
     low, high = base.bounds
     width = PEAK_WIDTH * (high - low)
     points = ((center - width, 0.0), (center, PEAK_OPACITY), (center + width, 0.0))

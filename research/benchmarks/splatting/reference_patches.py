@@ -1,9 +1,9 @@
-"""What the float64 twin says of parts of a picture, and how far another drawing is from that.
+"""Patches of an image by the float64 reference implementation, and errors of another rendering against them.
 
-The twin compares every pixel with every Gaussian.  Here it is asked patch by patch, each time only about the Gaussians
-whose ellipse can reach the patch, which changes nothing and makes thousands of pixels affordable.
+The reference compares every pixel with every Gaussian. Here it renders patch by patch, each time only the Gaussians
+whose ellipse can reach the patch. That changes nothing and makes thousands of pixels affordable.
 
-Where a contribution lies within 1e-5 (relative) of the alpha floor, float32 may rightly leave it out and float64 not.  Such
+Where a contribution lies within 1e-5 (relative) of the alpha floor, float32 may leave it out and float64 not. Such
 pixels are `undecided`: they are counted and not compared.
 """
 
@@ -26,12 +26,11 @@ from surrogate.splatting.reference import Splats
 PATCH = 8  # pixels, across and down
 BLOCK = 4  # the AVX-512 kernel takes blocks of 4 x 4 pixels
 DOUBTFUL = 1e-5  # relative distance to the alpha floor
-SAME = 2e-6  # what may change in an image where nothing is in doubt
+SAME = 2e-6  # change of a pixel's value that does not count
 
 
 class InteractionCounts(NamedTuple):
-    """What there is to do in the patches: pixels, those that anything covers, (pixel, Gaussian) pairs, and blocks of pixels that
-    a Gaussian draws in."""
+    """Work in the patches: pixels, covered pixels, (pixel, Gaussian) pairs, and blocks of pixels that a Gaussian draws in."""
 
     pixels: int
     covered: int
@@ -45,21 +44,21 @@ class InteractionCounts(NamedTuple):
 
     @property
     def lanes_used(self) -> float:
-        """Which part of the pixels in those blocks is drawn in."""
+        """Fraction of the pixels in those blocks that is drawn in."""
         return self.interactions / max(self.blocks * BLOCK**2, 1)
 
 
 @dataclass(frozen=True, eq=False)
 class ReferenceDrawing:
-    """The twin's answer.
+    """The reference image in some patches.
 
     Attributes
     ----------
     pixels : (P,) indices of the flattened frame.
     picture : (P, 4) float64, premultiplied colour and alpha.
     undecided : (P,) bool.
-    weights : (P, 4) of a random linear functional of the picture, zero at undecided pixels.
-    gradients : of that functional by means, scales, quats, opacities, colors; empty where they were not asked for.
+    weights : (P, 4) of a random linear functional of the image, zero at undecided pixels.
+    gradients : gradients of that functional by means, scales, quats, opacities, colors; empty unless requested.
     """
 
     pixels: Tensor
@@ -86,15 +85,15 @@ def patches(width: int, height: int, count: int | None = None) -> list[NDArray[n
     if count is not None and count < len(corners):
         drawn = np.random.default_rng(1).choice(len(corners), count, replace=False)
         corners = [corners[k] for k in np.sort(drawn)]
-    found = []
+    patch_indices = []
     for left, top in corners:
         columns = np.arange(left, min(left + PATCH, width))
         rows = np.arange(top, min(top + PATCH, height))
-        found.append((rows[:, None] * width + columns).ravel())
-    return found
+        patch_indices.append((rows[:, None] * width + columns).ravel())
+    return patch_indices
 
 
-def ask(view: View, count: int | None = None, *, gradients: bool = True) -> ReferenceDrawing:
+def draw_patches(view: View, count: int | None = None, *, gradients: bool = True) -> ReferenceDrawing:
     """Draw all patches of pixels in float64, or `count` of them."""
     scene, camera, constants = view
     wanted = patches(camera.width, camera.height, count)
@@ -121,13 +120,18 @@ def ask(view: View, count: int | None = None, *, gradients: bool = True) -> Refe
         pictures.append(picture.detach())
         weights.append(weight)
         doubts.append(doubt)
-    found: tuple[Tensor, ...] = ()
+    gradients_of_scene: tuple[Tensor, ...] = ()
     if gradients:
         by_splats = [tensor.grad if tensor.grad is not None else torch.zeros_like(tensor) for tensor in seen]
-        found = torch.autograd.grad(splats[:4], leaves, by_splats)
+        gradients_of_scene = torch.autograd.grad(splats[:4], leaves, by_splats)
     flat = torch.from_numpy(np.concatenate(wanted))
     return ReferenceDrawing(
-        flat, torch.cat(pictures), torch.cat(doubts), torch.cat(weights), found, InteractionCounts(*map(int, counts))
+        flat,
+        torch.cat(pictures),
+        torch.cat(doubts),
+        torch.cat(weights),
+        gradients_of_scene,
+        InteractionCounts(*map(int, counts)),
     )
 
 
@@ -136,9 +140,9 @@ def picture_at(rendering: Rendering, pixels: Tensor) -> Tensor:
     return torch.cat([rendering.color, rendering.alpha.unsqueeze(-1)], dim=2).flatten(0, 1)[pixels]
 
 
-def image_errors(picture: Tensor, twin: ReferenceDrawing) -> Errors:
-    """How far `picture` (P, 4) is from the twin's, at the pixels that are decided."""
-    difference = (picture.detach().double() - twin.picture)[~twin.undecided]  # [P, 4]
+def image_errors(picture: Tensor, exact: ReferenceDrawing) -> Errors:
+    """Errors of `picture` (P, 4) against the reference, at decided pixels."""
+    difference = (picture.detach().double() - exact.picture)[~exact.undecided]  # [P, 4]
     return Errors(decibels(float(difference.square().mean())), float(difference.abs().max()))
 
 
@@ -147,9 +151,9 @@ def decibels(squared_error: float) -> float:
     return -10.0 * math.log10(squared_error) if squared_error > 0 else math.inf
 
 
-def gradient_error(found: Sequence[Tensor], twin: ReferenceDrawing) -> float:
+def gradient_error(gradients: Sequence[Tensor], exact: ReferenceDrawing) -> float:
     """The largest error of any gradient, relative to the largest gradient of its kind."""
-    pairs = zip(found, twin.gradients, strict=True)
+    pairs = zip(gradients, exact.gradients, strict=True)
     return max(float((got.double() - wanted).abs().max() / wanted.abs().max()) for got, wanted in pairs)
 
 
@@ -163,7 +167,7 @@ def _corners(splats: Splats, floor: float) -> tuple[Tensor, Tensor]:
 
 
 def _undecided(pixels: Tensor, splats: Splats, constants: Constants) -> Tensor:
-    """Pixels (P,) whose picture changes when the floor moves a little."""
+    """Pixels (P,) that change when the floor moves a little."""
     floors = (constants.alpha_floor * (1.0 - DOUBTFUL), constants.alpha_floor * (1.0 + DOUBTFUL))
     low, high = (
         reference.composite(reference.alphas_at(pixels, splats, replace(constants, alpha_floor=floor)), splats.colors)
