@@ -1,7 +1,7 @@
 """The Gaussians: their parameters as they are optimized, and as they are drawn.
 
-Kerbl et al. 2023, "3D Gaussian Splatting for Real-Time Radiance Field Rendering", section 4: a Gaussian has a mean,
-a covariance R S Sᵀ Rᵀ from a quaternion and three scales, an opacity and a colour in spherical harmonics.
+Source: Kerbl et al. 2023, "3D Gaussian Splatting for Real-Time Radiance Field Rendering", section 4.  A Gaussian has a mean, a
+covariance R S Sᵀ Rᵀ from a quaternion and three scales, an opacity and a colour in spherical harmonics.
 """
 
 from __future__ import annotations
@@ -37,8 +37,8 @@ class Gaussians:
     log_scales : (N, 3), logarithms of the standard deviations along the principal axes.
     quats : (N, 4), rotations as w, x, y, z, of any length but zero.
     opacity_logits : (N,), opacity is their sigmoid.
-    colors : (N, 3 K), K spherical-harmonics coefficients of 3 channels each; K = 1 (the colour itself) or 4 (and the
-        three of degree 1, ordered y, z, x as is usual).  Where there is a `lighting`, K = 1 and these are normals.
+    colors : (N, 3 K), K spherical-harmonics coefficients of 3 channels each.  K is 1 (the colour itself) or 4 (with those of
+        degree 1 in the usual order y, z, x).  With a `lighting`, K = 1 and these are normals.
     lighting : of the surface that they show, which then says their colours by `colors` as normals; it is not trained.
     medium : whether they absorb along rays, so that their opacity depends on where they are seen from; else the sigmoid holds from
         everywhere.
@@ -111,7 +111,7 @@ class Gaussians:
         return Gaussians(*tensors)
 
     def drawn(self, function: TransferFunction | None = None) -> Gaussians:
-        """What is drawn: these; raises ValueError for a transfer function, of which colours know nothing."""
+        """The Gaussians to draw, these; raises ValueError for a transfer function, of which colours know nothing."""
         if function is not None:
             raise ValueError(
                 'these Gaussians carry colours and know no transfer functions: train with carried = "values" for any'

@@ -1,4 +1,4 @@
-"""How Gaussians become pictures, with the constants of the rasterizer: the same in training and afterwards."""
+"""The rasterizer of a model and its constants, the same in training and afterwards."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ SAMPLES = ("samples", "surface_samples")
 
 @dataclass(frozen=True)
 class Rasterizer:
-    """How pictures are drawn; a model is only right as it was trained.
+    """Settings of drawing; a model is only right with those it was trained with.
 
     Attributes
     ----------
@@ -85,7 +85,7 @@ class Rasterizer:
         return Rendering(*(averaged(part, samples) for part in (drawn.color, drawn.alpha)))
 
     def draw_over(self, gaussians: Gaussians, camera: Camera, background: Sequence[float]) -> Tensor:
-        """What training compares: colours over `background` (3,) and alpha, (H, W, 4)."""
+        """The picture that training compares: colours over `background` (3,) and alpha, (H, W, 4)."""
         return self.draw_primitives(primitives(gaussians, camera), gaussians, camera, background)
 
     def draw_primitives(

@@ -126,9 +126,8 @@ class TrainingSettings:
     appearance : the catalog's appearance that is learnt; "" means the first.
     gaussians : number of Gaussians, constant through training (dead ones are relocated).
     visualization_gaussians : number of the Gaussians that isosurfaces have of their own; 0 for as many as the base.
-    initialization : start of the Gaussians: "in-situ" on the points that the hook sampled by opacity, "sfm" on the structure from
-        motion of one member (the extra `[sfm]`), "random" uniformly in the box; "auto" takes in-situ points where the catalog has
-        them, else "random".
+    initialization : start of the Gaussians.  "in-situ" takes points that the hook sampled by opacity, "sfm" structure from motion of
+        one member (the extra `[sfm]`), "random" the whole box; "auto" in-situ points where the catalog has them, else "random".
     color_degree, visualization_color_degree : 0 for one colour per Gaussian; 1 adds a linear dependence on the viewing direction
         (shading); "auto" lets validation images decide.  The second is for the Gaussians of a variation.
     canonical_steps, deformation_steps, visualization_steps : length of each stage; the last for each variation of the appearance.
@@ -142,8 +141,8 @@ class TrainingSettings:
     relocation_interval : steps between relocations of dead Gaussians; 0 for none.
     backend, samples, surface_samples : of the rasterizer; samples along each side of a pixel, the second for lit isosurfaces.
     device : "cpu", "cuda", or "auto" for a GPU where torch and gsplat can use one.
-    fit_to_need, need_tolerance : whether training ends by removing the attributes, modes, Gaussians and bits that validation images
-        do not need, and the loss in dB that each of these choices may cause.
+    fit_to_need, need_tolerance : whether training ends by removing attributes, modes, Gaussians and bits that validation images do
+        not need, and the loss in dB that each choice may cause.
     validation_interval, validation_images : steps between validations, and images of each; 0 for none.
     checkpoint_seconds : time between checkpoints.
     batch : images of a step; rates are multiplied by its square root.
@@ -214,7 +213,7 @@ class TrainingSettings:
         return self.visualization_gaussians or self.gaussians
 
     def carry_values(self, shown: Appearance) -> bool:
-        """Whether Gaussians that are to look like `shown` carry values of the field, rather than colours.
+        """True where Gaussians that are to look like `shown` carry values of the field, rather than colours.
 
         Raises ValueError where values are asked for, but no transfer function alone determines the appearance.
         """

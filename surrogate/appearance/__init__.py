@@ -1,1 +1,1 @@
-"""How Gaussians that carry values of a field look under a transfer function."""
+"""Value-carrying Gaussians under transfer functions."""

@@ -1,8 +1,8 @@
 """A transfer function averaged over normally distributed field values, in closed form.
 
-A function of u is given by nodes: linear between them, a step where two lie at one place, constant beyond the ends.  Where it
-changes by J from place a to place b, its average under N(u, s²) changes by J times the mean of Phi((u - t) / s) over t in [a, b],
-Phi being the normal distribution's cumulative function.  With H(z) = z Phi(z) + phi(z), whose derivative is Phi, that mean is
+A function of u is given by nodes: linear between them, a step where two lie at one place, constant beyond the ends.  A change by J
+from place a to place b changes its average under N(u, s²) by J times the mean of Phi((u - t) / s) over t in [a, b].  Phi is the
+normal distribution's cumulative function.  With H(z) = z Phi(z) + phi(z), whose derivative is Phi, that mean is
 
     (H(z_a) - H(z_b)) / (z_a - z_b),        z_a = (u - a) / s,  z_b = (u - b) / s,
 
@@ -119,8 +119,8 @@ def _tail(z: Tensor) -> Tensor:
 def resampled(function: TransferFunction, unit: float, knots: NDArray[np.float64]) -> Nodes:
     """Nodes of a transfer function on the scale whose u = 0, 1 / (n - 1), ..., 1 are the field values `knots`.
 
-    There is a node at every knot and control point, and as many between as averages over spreads from LEAST_SPREAD on need: each of
-    the four errs by at most TOLERANCE times the larger of the averaged extinction and NEGLIGIBLE of the largest extinction.
+    There is a node at every knot and control point, and as many between as averages over spreads from LEAST_SPREAD on need.  Each
+    of the four errs by at most TOLERANCE times the larger of the averaged extinction and NEGLIGIBLE of the largest extinction.
     Raises ValueError naming what is wrong with `unit` or `knots`.
 
     Parameters
@@ -142,7 +142,7 @@ def resampled(function: TransferFunction, unit: float, knots: NDArray[np.float64
 
 @dataclass(frozen=True)
 class _Pieces:
-    """Where opacity and colour, both linear in between, bend."""
+    """The places at which opacity or colour, both linear in between, bend."""
 
     places: NDArray[np.float64]  # [I + 1]
     opacities: NDArray[np.float64]  # [I + 1]
@@ -173,10 +173,9 @@ def _on_scale(values: NDArray[np.float64], knots: NDArray[np.float64]) -> NDArra
 def _counts(pieces: _Pieces) -> NDArray[np.int64]:
     """Into how many parts each of the pieces is cut, (I,).
 
-    Parts are equal in w = sqrt(extinction + floor): a line then errs everywhere by (step of w)² / 2 of w² where the colour is even,
-    and by change of extinction x change of colour / 4 where it is not.  Averages err less by far when a part is not much
-    wider than the least spread, for inner nodes are placed so that the errors add up to zero, and less still of a piece that is
-    but a small share of it.
+    Parts are equal in w = sqrt(extinction + floor).  A line then errs by (step of w)² / 2 of w² where the colour is even, elsewhere
+    by change of extinction x change of colour / 4.  Averages err far less when a part is not much wider than the least spread,
+    because inner nodes are placed so that the errors add up to zero.
     """
     w = np.sqrt(pieces.depths + pieces.floor)  # [I + 1]
     steps, low = np.abs(np.diff(w)), np.minimum(w[1:], w[:-1])  # [I] each

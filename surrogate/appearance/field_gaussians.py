@@ -22,7 +22,7 @@ MOST_TABLES = 128  # that are kept
 
 @dataclass(frozen=True, eq=False)
 class FieldValues:
-    """What the values mean, and what is shown of them.
+    """The meaning of the values, and the transfer function that shows them.
 
     Attributes
     ----------
@@ -65,9 +65,9 @@ class FieldValues:
 class FieldGaussians:
     """N Gaussians in unconstrained parameters (float32), in the coordinates of a `Normalization`.
 
-    The values in each are normally distributed.  Its optical depth and its emission are a transfer function's extinction, and
-    extinction times colour, averaged over them, times its thickness (emission and absorption, Max 1995, equations 1 to 3): along
-    a ray that of a ball of the same volume times how much longer the ray is in it.
+    The values in each are normally distributed.  A transfer function's extinction, and extinction times colour, are averaged over
+    them.  Times the thickness they are optical depth and emission (Max 1995, equations 1 to 3).  The thickness along a ray is that
+    of a ball of the same volume, times how much longer the ray is in the Gaussian.
 
     Attributes
     ----------
@@ -137,7 +137,7 @@ class FieldGaussians:
         return self.with_tensors([tensor.detach().clone() for tensor in self.tensors().values()])
 
     def drawn(self, function: TransferFunction | None = None) -> Gaussians:
-        """What is drawn of them under a transfer function, by default the base; differentiable."""
+        """The Gaussians to draw under a transfer function, by default the base; differentiable."""
         table = self.field.table(function or self.field.base)
         logits, colors = apply(table, self.opacity_logits, self.values)
         return Gaussians(self.means, self.log_scales, self.quats, logits, colors, medium=self.field.medium)

@@ -1,7 +1,7 @@
 """Gaussians that carry a field value, its spread and a thickness, under a transfer function: by the C++ kernel, and by its twin.
 
-The extinction tau and the emission e of the function, averaged under N(u, s²), make of a Gaussian of thickness h (its optical depth
-where the extinction is 1) one of optical depth h tau and colour e / tau (emission and absorption, Max 1995, equations 1 to 3).
+The extinction tau and the emission e of the function are averaged under N(u, s²).  Thickness is optical depth where
+the extinction is 1.  A Gaussian of thickness h has optical depth h tau and colour e / tau (Max 1995, equations 1 to 3).
 """
 
 from __future__ import annotations
@@ -71,9 +71,9 @@ class AverageTable:
 def apply(table: AverageTable, logits: Tensor, values: Tensor) -> tuple[Tensor, Tensor]:
     """Logits (N,) of opacity and colours (N, 3) of Gaussians under the function of `table`; differentiable by both tensors.
 
-    Values, spreads and depths outside their ranges, LOWEST to HIGHEST, LEAST_SPREAD to MOST_SPREAD and LEAST_DEPTH to MOST_DEPTH,
-    count as at the end; there, the derivative is that at the end where a step of descent would lead back inside, else zero.  On a
-    CPU in float32 the kernel does it, else `apply_reference`.
+    Values, spreads and depths are clamped to LOWEST to HIGHEST, LEAST_SPREAD to MOST_SPREAD and LEAST_DEPTH to MOST_DEPTH.  Beyond
+    an end the derivative is that at the end where a step of descent would lead back inside, else zero.  On a CPU in float32 the
+    kernel does it, else `apply_reference`.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""How parameters move the Gaussians: one small interface, one file per design."""
+"""Deformations, which move the Gaussians with the parameters: one small interface, one file per design."""
 
 from __future__ import annotations
 

@@ -76,7 +76,7 @@ class BilinearDeformation:
         ----------
         parameters : how many it is a function of.
         color_columns : how many of the colours' columns may move; of values all do.
-        for_visualization : whether it has F_vis's own size and form.
+        for_visualization : whether it has the size of visualization deformations.
         """
         count, hidden, latent = len(gaussians), settings.hidden_width, settings.latent_size
         if for_visualization:
@@ -125,7 +125,7 @@ class BilinearDeformation:
         return flat.view(self.latents.shape[1], len(self.units))
 
     def _hidden(self, given: Tensor) -> Tensor:
-        """What the last layer is given (hidden,) at parameters (P,)."""
+        """The input (hidden,) of the last layer at parameters (P,)."""
         if self.frequencies:
             given = encode(given[None], self.frequencies)[0]  # [P (1 + 2 K)]
         hidden = torch.nn.functional.silu(torch.addmv(self.biases_in, self.weights_in, given))  # [hidden]
@@ -140,14 +140,14 @@ class BilinearDeformation:
         return Offsets(means, log_scales, quats, opacity_logits.squeeze(1), colors)
 
     def stored(self) -> dict[str, Tensor]:
-        """`tensors()` without the rows of what holds still."""
+        """`tensors()` without the rows of frozen attributes."""
         kept = self.units != 0.0  # [C]
         outputs = {"weights_out": self.weights_out, "biases_out": self.biases_out}
         modes = {name: t.unflatten(0, (self.latent_size, -1))[:, kept].flatten(0, 1) for name, t in outputs.items()}
         return self.tensors() | modes
 
     def moves(self, attribute: str) -> bool:
-        """Whether this attribute follows the parameters."""
+        """True where this attribute follows the parameters."""
         return bool((self.units[self._columns(attribute)] != 0.0).any())
 
     def without(self, attribute: str) -> BilinearDeformation:
@@ -193,8 +193,8 @@ class BilinearDeformation:
     def reduced(self, size: int, places: Sequence[Tensor]) -> BilinearDeformation:
         """The `size` combinations of modes with which all offsets, in their units, change least at the parameters `places`.
 
-        With G = sum over p of E(p) E(p)^T, offsets are Z E = (Z G^1/2) (G^-1/2 E), whose second factor has rows of unit length
-        over the places: the singular value decomposition of the first says which directions matter (Eckart & Young 1936).
+        With G = sum over p of E(p) E(p)^T, offsets are Z E = (Z G^1/2) (G^-1/2 E).  Rows of the second factor have unit length over
+        the places, so the singular values of the first rank the directions (Eckart & Young 1936).
         """
         if size >= self.latent_size:
             return self
@@ -222,7 +222,7 @@ class BilinearDeformation:
 
     @property
     def has_kernel(self) -> bool:
-        """Whether it lies where the C++ kernel can add it, in the kernel's precision."""
+        """True where the C++ kernel can add it: in main memory and float32."""
         return self.latents.is_cpu and self.latents.dtype == torch.float32
 
     def factors(self, parameters: Tensor) -> Factors:
@@ -242,9 +242,9 @@ class BilinearDeformation:
     def rates(self, settings: TrainingSettings) -> dict[str, float]:
         """Adam's rate for each of `tensors`: as the settings say up to `USUAL_SIZE` and `USUAL_WIDTH`, then less in proportion.
 
-        Adam moves every number by about its rate, and an offset is a sum over modes, a mode one over hidden units: with the same
-        rates wider sums move faster (48 modes of 128 units: to infinite scales in 2,000 steps).  A unit of the second hidden layer
-        is a sum over those of the first as well: what keeps it from running away is `optimizer.surprise`.
+        Adam moves every number by about its rate.  Offsets are sums over modes, and modes over hidden units.  With equal rates
+        wider sums move faster (48 modes of 128 units: to infinite scales in 2,000 steps).  `optimizer.surprise` keeps the second
+        hidden layer from running away.
         """
         fewer, narrower = min(1.0, USUAL_SIZE / self.latent_size), min(1.0, USUAL_WIDTH / len(self.biases_in))
         hidden = settings.embedding_rate * narrower
@@ -259,7 +259,7 @@ class BilinearDeformation:
         }
 
     def record(self) -> dict[str, Any]:
-        """The kind and the offset units (C,), which are not trained; zero for what holds still."""
+        """The kind and the offset units (C,), which are not trained; zero for frozen attributes."""
         frequencies = {"frequencies": self.frequencies} if self.frequencies else {}
         return {"kind": self.kind, "units": self.units.tolist()} | frequencies
 
@@ -292,7 +292,7 @@ def _units(gaussians: AnyGaussians, color_columns: int) -> Tensor:
 
 
 def _checked_sizes(tensors: Mapping[str, Tensor], columns: int, kept: int) -> tuple[int, int]:
-    """How many modes and inputs of the network stored tensors have; raises ValueError where their shapes do not fit together."""
+    """The numbers of modes and inputs of stored tensors; raises ValueError where their shapes do not fit together."""
     if set(tensors) != {*TENSORS}:
         raise ValueError(f"a bilinear deformation must consist of {sorted(TENSORS)}, got {sorted(tensors)}")
     if tensors["latents"].ndim != 2 or tensors["weights_in"].ndim != 2:

@@ -19,9 +19,8 @@ Factors = tuple[Tensor, Tensor]  # latents [N, L] and modes [L, C]
 def add_products(gaussians: AnyGaussians, factors: Sequence[Factors]) -> AnyGaussians:
     """The Gaussians with one product or two of latents (N, L) and modes (L, C) added to their parameters, one after the other.
 
-    The C columns are those of means, log_scales, quats, opacity_logits and colours (or values) side by side; colours with fewer
-    columns than the modes have are as if followed by zeros, and of more, the last stay.  In main memory and float32;
-    differentiable.
+    The C columns are those of means, log_scales, quats, opacity_logits and colours (or values) side by side.  Colours with fewer
+    columns than the modes are padded by zeros; of more, the last stay.  In main memory and float32; differentiable.
     """
     tensors = [*(tensor for pair in factors for tensor in pair), *gaussians.tensors().values()]
     added = _AddProducts.apply if torch.is_grad_enabled() else _added  # a torch function takes 0.02 ms more

@@ -1,4 +1,4 @@
-"""What a deformation is: offsets of every parameter of every Gaussian, as a function of the ensemble's parameters."""
+"""The interface of deformations: offsets of all parameters of every Gaussian as functions of the ensemble's parameters."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ UNITS = {"means": 0.05, "log_scales": 0.2, "quats": 0.1, "opacity_logits": 1.0, 
 
 @dataclass(frozen=True, eq=False)
 class Offsets:
-    """What is added to the unconstrained parameters of N Gaussians; shapes as in `Gaussians`.
+    """Changes of the unconstrained parameters of N Gaussians; shapes as in `Gaussians`.
 
     Of the colours it is the first columns, usually 3: how a colour depends on the direction stays the same (Nyx, 5,000 steps:
     32.28 dB; 32.19 with all columns deformed).  Where Gaussians carry values of a field, these stand in the colours' place.
@@ -79,13 +79,13 @@ class Deformation(Protocol):
         """The same with others for all of `tensors`."""
 
     def stored(self) -> dict[str, Tensor]:
-        """What `load` needs: `tensors()` without what holds still."""
+        """The tensors that `load` needs: `tensors()` without frozen parts."""
 
     def moves(self, attribute: str) -> bool:
-        """Whether this attribute of the Gaussians, one of their `tensors`, follows the parameters."""
+        """True where this attribute of the Gaussians, one of their `tensors`, follows the parameters."""
 
     def without(self, attribute: str) -> Deformation:
-        """The same, but that attribute holds still."""
+        """The same with that attribute frozen."""
 
     def of(self, rows: Tensor) -> Deformation:
         """The deformation of some of the Gaussians, by index (M,)."""

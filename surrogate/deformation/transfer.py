@@ -30,12 +30,12 @@ Array = NDArray[np.float32]
 
 @dataclass(frozen=True, eq=False)
 class Transfer:
-    """How a transfer function differs from the base.
+    """The difference of a transfer function from the base.
 
     Attributes
     ----------
-    changes : (B, 4) what is added to the extinction, and to the extinction times each colour, at B field values, in the unit
-        distance of the base; a tensor where gradients by it are asked for, which `offsets` has.
+    changes : (B, 4) of the extinction, and of the extinction times each colour, at B field values, in the unit distance of the
+        base.  A tensor has gradients in `offsets`.
     palette : red, green and blue of each of the function's control points.
     """
 
@@ -47,8 +47,7 @@ class Transfer:
     def applied_to(self, gaussians: Gaussians, weights: Tensor) -> Gaussians:
         """The Gaussians of weights (N, B), whose absolute values are W, with logits and colours in new tensors.
 
-        On a CPU in float32 it is done by the kernel, else as `offsets` defines it; that is also taken where a derivative by
-        the Gaussians is asked for, which the kernel lacks.
+        On a CPU in float32 the kernel does it, else `offsets`, which also has the derivative by the Gaussians.
         """
         logits, colors = gaussians.opacity_logits, gaussians.colors
         moving = torch.is_grad_enabled() and (logits.requires_grad or colors.requires_grad)

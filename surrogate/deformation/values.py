@@ -1,13 +1,13 @@
-"""F_vis that applies transfer functions instead of learning them: every Gaussian knows which field values it stands for.
+"""A visualization deformation that applies transfer functions: each Gaussian has weights of field values.
 
 A Gaussian i has weights W_ib >= 0 of B field values: how much optical depth it would have if only value b had unit extinction.
 Under a transfer function with extinctions tau_b and colours c_b its optical depth and emission, both sums over what it covers, are
 
     kappa_i = sum_b W_ib tau_b,        kappa_i c_i = sum_b W_ib tau_b c_b
 
-(emission and absorption, Max 1995, equations 1 to 3).  What is used are differences to the base transfer function, added to
-what the Gaussian is at the base, so the base stays what it was, bit for bit, and any other transfer function can be asked
-for: also colours that no training image showed.  The optical depth of a splat of opacity o is kappa = -ln(1 - o).
+(emission and absorption, Max 1995, equations 1 to 3).  Only differences to the base transfer function are added, so the base stays
+as it was, bit for bit.  Any other transfer function can be applied, also with colours that no training image showed.  The optical
+depth of a splat of opacity o is kappa = -ln(1 - o).
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ class ValuesDeformation:
     Attributes
     ----------
     weights : (N, B), whose absolute values are W.
-    base : the transfer function at which the Gaussians are what F_sim says.
+    base : the transfer function at which the Gaussians are those of the simulation deformation.
     values : (B,) increasing field values that span the base's bounds.
     steps : (4,) the displacements that normalized visualization parameters are in units of.
     """
@@ -150,13 +150,13 @@ class ValuesDeformation:
         return self.tensors()
 
     def moves(self, attribute: str) -> bool:
-        """Whether this attribute follows the parameters."""
+        """True where this attribute follows the parameters."""
         return attribute in ("opacity_logits", "colors")
 
     def without(self, attribute: str) -> ValuesDeformation:
         """Raises ValueError for opacity and colour, which only follow together."""
         if self.moves(attribute):
-            raise ValueError(f"{attribute} can't hold still under a transfer function that is applied")
+            raise ValueError(f"{attribute} can't be frozen under a transfer function that is applied")
         return self
 
     def of(self, rows: Tensor) -> ValuesDeformation:
@@ -181,7 +181,7 @@ class ValuesDeformation:
         return self.weights.shape[1]
 
     def reduced(self, size: int, places: Sequence[Tensor]) -> ValuesDeformation:
-        """The same: values are no modes that could be combined."""
+        """The same, for values can't be combined as modes can."""
         return self
 
     def rates(self, settings: TrainingSettings) -> dict[str, float]:
@@ -199,8 +199,8 @@ def placed_values(
 ) -> NDArray[np.float64]:
     """`count` increasing values that span `bounds`, denser where the field has more of its volume.
 
-    Half of their density is even, half follows the square root of the field's histogram (K,) over `edges` (K + 1,): a transfer
-    function's control point may stand anywhere, but most pictures are made of the frequent values.  Even where both are None.
+    Half of their density is even, half follows the square root of the field's histogram (K,) over `edges` (K + 1,).  All of it is
+    even where both are None.
     """
     low, high = bounds
     if histogram is None or edges is None or not histogram.sum():

@@ -1,4 +1,4 @@
-"""F_vis: how Gaussians that the simulation's parameters have deformed follow the visualization parameters as well."""
+"""Visualization deformations: Gaussians also follow the parameters of a variation."""
 
 from __future__ import annotations
 
@@ -28,9 +28,9 @@ class Visualization:
     Attributes
     ----------
     variation : the visualization parameters and the settings that were learnt from.
-    deformation : F_vis, of (P_sim, P_vis), on the result of F_sim; None where the Gaussians carry values, to which the
-        variation's transfer functions are applied as they are.
-    simulation : F_sim as it was tuned together with F_vis; None where it is the base's, bit for bit.
+    deformation : of (P_sim, P_vis), on the result of the simulation deformation; None where the Gaussians carry values, to which
+        the variation's transfer functions are applied as they are.
+    simulation : the simulation deformation as it was tuned together with that; None where it is the base's, bit for bit.
     color_degree : of the Gaussians that it shows, at least that of the base.
     gaussians : canonical ones of its own, which `deformation` moves in place of the base's; None where it shows those.
     lighting : of the surfaces that its own Gaussians show.
@@ -48,7 +48,7 @@ class Visualization:
     def gaussians_at(self, gaussians: AnyGaussians, simulation: Deformation, parameters: Tensor) -> Gaussians:
         """The Gaussians that are drawn at normalized simulation and visualization parameters (P + V,), NaN ones for the base.
 
-        `gaussians` are the canonical ones and `simulation` the base's F_sim.
+        `gaussians` are the canonical ones and `simulation` the base's simulation deformation.
         """
         count = len(self.variation.space)
         alone = parameters[:-count]  # [P]
@@ -72,7 +72,7 @@ class Visualization:
         return displaced_by(base, steps, parameters)
 
     def simulated(self, gaussians: AnyGaussians, simulation: Deformation, parameters: Tensor) -> Gaussians:
-        """What F_vis acts on: the Gaussians at normalized simulation parameters (P,), or its own."""
+        """The Gaussians that `deformation` acts on: at normalized simulation parameters (P,), or its own."""
         if self.gaussians is not None:
             return replace(self.gaussians, lighting=self.lighting)
         return self._wide((self.simulation or simulation).deformed(gaussians, parameters).drawn())
@@ -156,7 +156,7 @@ class Visualization:
         )
 
     def stored(self) -> dict[str, Tensor]:
-        """All tensors: those of F_vis, of the tuned F_sim, and of its own Gaussians."""
+        """All tensors: of both deformations, and of its own Gaussians."""
         parts = {"deformation": self.deformation, "simulation": self.simulation}
         stored = {name: part.stored() for name, part in parts.items() if part is not None}
         return joined(stored | ({} if self.gaussians is None else {"gaussians": self.gaussians.tensors()}))

@@ -1,4 +1,4 @@
-"""What the hook knew of the members' fields: values at points where something is seen, and at points all over the box."""
+"""Values of the members' fields that the hook sampled: at points where something is seen, and all over the box."""
 
 from __future__ import annotations
 

@@ -76,7 +76,7 @@ def training_pictures(catalog: Catalog, member: Member, appearance: str, normali
 
 
 def foreground(pixels: NDArray[np.uint8], background: Sequence[float] | None) -> NDArray[np.uint8]:
-    """What a picture shows before its background: premultiplied RGBA (H, W, 4), 0 where there is nothing but that.
+    """The foreground of a picture: premultiplied RGBA (H, W, 4), 0 where only its background is seen.
 
     Parameters
     ----------

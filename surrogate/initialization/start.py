@@ -1,4 +1,4 @@
-"""Where the Gaussians start: on points that the hook sampled by opacity, that pictures tell, or anywhere in the box."""
+"""Starts of the Gaussians: on points that the hook sampled by opacity, points from pictures, or anywhere in the box."""
 
 from __future__ import annotations
 

@@ -42,7 +42,7 @@ class Track:
 
     @property
     def views(self) -> int:
-        """How many pictures show it; in one of them two features may."""
+        """The number of pictures that show it, which may be fewer than its features."""
         return len(np.unique(self.pixels[:, 0]))
 
 
@@ -80,7 +80,7 @@ def structure_from_motion_points(
 def triangulate(
     pycolmap: Any, cameras: Sequence[Camera], images: Sequence[NDArray[np.uint8]], seed: int
 ) -> list[Track]:
-    """What COLMAP triangulates from opaque `images` (V) of (H, W, 4) whose cameras (V) are known and stay as they are."""
+    """Points that COLMAP triangulates from opaque `images` (V) of (H, W, 4) with given, fixed `cameras` (V)."""
     pycolmap.set_random_seed(seed)
     with TemporaryDirectory(prefix="gs-surrogate-") as name, _quiet(pycolmap):
         folder = Path(name)

@@ -27,8 +27,8 @@ def rows_of(space: ParameterSpace, parameters: Any) -> list[Row]:
 
     Parameters
     ----------
-    parameters : (B, P) in the order of `space`, an array, a tensor or nested lists; or a mapping of names to (B,) values or to one
-        for all; or a list of B mappings.
+    parameters : (B, P) in the order of `space`, as an array, a tensor or nested lists.  A mapping of names to (B,) values, or to
+        one for all, is taken as well, and a list of B mappings.
 
     Raises ValueError where it is none of these, or lengths differ.
     """

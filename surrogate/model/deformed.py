@@ -91,7 +91,7 @@ def named(parameters: Mapping[str, float | str]) -> str:
 
 
 def checked_background(background: Any) -> NDArray[np.float32] | None:
-    """A background as (3,) float32, None for none; raises ValueError for what is no colour."""
+    """A background as (3,) float32, None for none; raises ValueError for anything but a colour."""
     if background is None:
         return None
     what = "background, (red, green, blue) each in [0, 1],"

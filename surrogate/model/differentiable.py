@@ -43,13 +43,11 @@ class DifferentiableSurrogate(torch.nn.Module):
     ...     optimizer.step()
 
     Its torch parameters are copies of the Gaussians' tensors (`means`, `log_scales`, `quats`, `opacity_logits`, and `colors` or
-    `values`) and of what the deformations learnt; `requires_grad_(False)` saves their gradients where only those by the arguments
-    are wanted.
+    `values`) and of the deformations'.  `requires_grad_(False)` saves their gradients where only those by the arguments are wanted.
 
-    What has no gradient: intrinsics of the camera (under another focal length projected Gaussians are those of no rigid motion,
-    and the kernels do not take others); a transfer function given as such, or by
-    displacements where the Gaussians carry values (ValueError); which Gaussian lies before which.  The kernels can be
-    differentiated once.
+    There are no gradients by the camera's intrinsics, a transfer function given as such, or the order of the Gaussians in depth.
+    Displacements of a function by tensors raise ValueError where the Gaussians carry values.  The kernels can be differentiated
+    once.
     """
 
     def __init__(

@@ -24,7 +24,7 @@ TRAINED = {"fingerprint": str, "appearance": str, "seconds": float, "steps": int
 
 
 def stored(surrogate: Any) -> models.StoredModel:
-    """What is stored of a `Surrogate`."""
+    """The stored form of a `Surrogate`."""
     parts = {"gaussians": surrogate.gaussians.tensors(), "deformation": surrogate.deformation.stored()}
     parts |= {f"visualization{i}": v.stored() for i, v in enumerate(surrogate.visualizations)}
     record = {

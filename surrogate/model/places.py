@@ -1,4 +1,4 @@
-"""Where among its parameters a surrogate is asked: checked, named, and as deformations take it."""
+"""Validated points in parameter space, by name and as deformations take them."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ class Place:
         return torch.from_numpy(np.concatenate(parts)).to(torch.float32)
 
     def deform(self, gaussians: AnyGaussians, simulation: Deformation) -> Gaussians:
-        """What is drawn here of the canonical `gaussians` moved by F_sim; raises ValueError where they are not finite."""
+        """The canonical `gaussians` as they are drawn here; raises ValueError where they are not finite."""
         with torch.no_grad():
             if self.function is not None and isinstance(gaussians, FieldGaussians):
                 deformed = simulation.deformed(gaussians, self.normalized).drawn(self.function)

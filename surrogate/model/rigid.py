@@ -29,7 +29,7 @@ def look_at(position: Tensor, target: Tensor, up: Tensor | None = None) -> Tenso
 
 
 def posed(camera: Camera, pose: Any) -> Camera:
-    """`camera` with the pose (4, 4); raises ValueError for what is no rigid world-to-camera matrix."""
+    """`camera` with the pose (4, 4); raises ValueError unless that is a rigid world-to-camera matrix."""
     if not isinstance(pose, Tensor) or tuple(pose.shape) != (4, 4):
         raise ValueError(
             f"pose must be a tensor (4, 4), world to camera, got {getattr(pose, 'shape', type(pose).__name__)}"
@@ -40,8 +40,8 @@ def posed(camera: Camera, pose: Any) -> Camera:
 def in_camera(gaussians: Gaussians, normalization: Normalization, pose: Tensor) -> Primitives:
     """The Gaussians, which are in normalized coordinates, as a camera of this pose (4, 4) in world units has them before it.
 
-    Drawn by a camera whose own pose is the identity they give the same picture, and gradients by the pose are exact: means and
-    rotations move rigidly, and colours and opacities are those seen from the camera's position.
+    Drawn by a camera whose own pose is the identity they give the same picture, and gradients by the pose are exact.  Means and
+    rotations move rigidly; colours and opacities are those seen from the camera's position.
     """
     matrix = pose.double()  # so that boxes far from the origin lose nothing
     rotation = matrix[:3, :3]  # [3, 3]

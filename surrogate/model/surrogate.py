@@ -70,10 +70,9 @@ class Surrogate:
     def at(self, *, outside: Any = "warn", **parameters: float | str) -> DeformedGaussians:
         """The ensemble at `parameters`, those of the simulation all by name, in their units.
 
-        Without more it looks as the base appearance does.  The visualization parameters of one variation may follow, all of
-        them: an `isovalue`; the displacements of the base transfer function's inner control points (those left out are
-        zero), beside which `under` takes any other transfer function; or the name of another `appearance` that was learnt, such
-        as one of another field.
+        Without more it has the base appearance.  The visualization parameters of one variation may follow: an `isovalue`, or the
+        name of another `appearance` that was learnt, such as one of another field.  Displacements of the base transfer function's
+        inner control points are zero where they are left out; `under` takes any other transfer function.
 
         Raises ValueError for missing, unknown or non-finite ones, or where no variation has them; warns where one lies out of
         bounds, unless `outside` is "allow".
@@ -103,8 +102,8 @@ class Surrogate:
 
         Parameters
         ----------
-        parameters : (B, P) in the order of `space`, an array, a tensor or nested lists; or names and (B,) values, or one value for
-            all, such as {"Re": [1600, 1800], "isovalue": 5.5}; or a list of B mappings, which may differ in their names.
+        parameters : (B, P) in the order of `space`, as an array, a tensor or nested lists.  Or names with (B,) values, or one value
+            for all, such as {"Re": [1600, 1800], "isovalue": 5.5}.  Or a list of B mappings, which may differ in their names.
         cameras : one for all, or B of equal size; where `parameters` has one row, that member is seen by all cameras.
         background, outside : as in `render` and `at` of one picture.
         transfer_function : any, as in `under`.
@@ -207,7 +206,7 @@ class Surrogate:
 
     @staticmethod
     def exists(directory: str | os.PathLike[str]) -> bool:
-        """Whether `directory` holds a finished surrogate."""
+        """True where `directory` holds a finished surrogate."""
         return models.exists(directory)
 
     def save(self, directory: str | os.PathLike[str]) -> None:

@@ -1,1 +1,1 @@
-"""What a run keeps on disk: checkpoints, encoded tensors, and results with the settings that made them."""
+"""A run on disk: checkpoints, encoded tensors, and results with the settings that made them."""

@@ -148,7 +148,7 @@ def _rounded_matrix(rows: Any) -> Any:
 
 
 def _identity(catalog: Catalog, member: Member, shown: Sequence[str]) -> dict[str, Any]:
-    """What makes a member's images what they are, as far as can be told without reading them."""
+    """All that identifies a member's images without reading them."""
     names, views = [a for a in shown if a in member.appearances], range(len(member.cameras))
     own = member.cameras is not catalog.plan.cameras
     return {

@@ -40,11 +40,11 @@ class Encoding:
 
     @property
     def saved_bytes(self) -> int:
-        """How many bytes fewer than in float32."""
+        """Bytes saved in comparison with float32."""
         return 4 * self.codes.numel() - sum(t.numel() * t.element_size() for t in self.tensors().values())
 
     def tensors(self) -> dict[str, Tensor]:
-        """What is stored."""
+        """The tensors to store."""
         levels = {} if self.low is None or self.step is None else {LOW: self.low, STEP: self.step}
         return {CODES: self.codes} | levels
 

@@ -14,8 +14,8 @@ from typing import BinaryIO
 def opened_inside(folder: Path, name: str, most: int) -> Iterator[tuple[BinaryIO, int]]:
     """The regular file `name` in `folder`, to be read, and its size in bytes.
 
-    Raises ValueError for a link that leads out of the folder, for what is no file (a device or a pipe is not opened for good, which
-    could wait for ever), and for a file of more than `most` bytes; OSError as `open` does.
+    Raises OSError as `open` does.  Raises ValueError for a link that leads out of the folder, for devices and pipes (which could
+    wait for ever), and for a file of more than `most` bytes.
     """
     real = os.path.realpath(folder / name)
     if os.path.dirname(real) != os.path.realpath(folder):
@@ -24,7 +24,7 @@ def opened_inside(folder: Path, name: str, most: int) -> Iterator[tuple[BinaryIO
     with open(descriptor, "rb") as file:
         status = os.fstat(descriptor)
         if not stat.S_ISREG(status.st_mode):
-            raise ValueError(f"{name} is no regular file")
+            raise ValueError(f"{name} is not a regular file")
         if status.st_size > most:
             raise ValueError(f"{name} has {status.st_size:,} bytes, more than the {most:,} that such a file may have")
         yield file, status.st_size

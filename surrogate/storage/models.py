@@ -31,7 +31,7 @@ Model = TypeVar("Model")
 
 @dataclass(frozen=True, eq=False)
 class StoredModel:
-    """What a model's files say.
+    """The contents of a model's files.
 
     Attributes
     ----------
@@ -55,7 +55,7 @@ class StoredModel:
         durable.replace(directory / RECORD, record)
 
     def contents(self) -> tuple[bytes, bytes]:
-        """What the two files hold: the tensors, and the record."""
+        """The bytes of the two files: the tensors, and the record."""
         content, record = self._files()
         return content, json.dumps(record, indent=1).encode()
 
@@ -91,12 +91,12 @@ class StoredModel:
 
 
 def exists(directory: str | os.PathLike[str]) -> bool:
-    """Whether `directory` holds a whole model."""
+    """True where `directory` holds a whole model."""
     return (Path(directory) / RECORD).is_file()
 
 
 def load(directory: str | os.PathLike[str], make: Callable[[StoredModel], Model]) -> Model:
-    """What `make` makes of the model in `directory`.
+    """The model in `directory`, made by `make`.
 
     The files may come from anyone: nothing in them is run, nothing outside the folder is read, and no more memory is taken than the
     tensors need.  Raises FileNotFoundError where there is no model, ValueError for one of a newer schema and, naming the part, for
@@ -118,7 +118,7 @@ def load(directory: str | os.PathLike[str], make: Callable[[StoredModel], Model]
 
 
 def of_contents(content: bytes, record: bytes, make: Callable[[StoredModel], Model]) -> Model:
-    """What `make` makes of a model's `contents()`; raises ValueError as `load` does."""
+    """The model of some `contents()`, made by `make`; raises ValueError as `load` does."""
     with damaged("a surrogate in bytes"):
         with part("the record"):
             values = _record(record)
@@ -164,7 +164,7 @@ def _record(text: bytes) -> dict[str, Any]:
     except RecursionError as error:
         raise ValueError("it is nested too deeply") from error
     if not isinstance(record, dict):
-        raise ValueError("it is no JSON object")
+        raise ValueError("it is not a JSON object")
     schema = record["schema"]
     if type(schema) is not int or schema < 1:
         raise ValueError(f"schema must be a whole number from 1 on, got {schema!r}")

@@ -22,7 +22,7 @@ MOST_BYTES = 16_000_000  # that are read: the largest record of a study has some
 
 @dataclass(frozen=True)
 class Provenance:
-    """What made a record.
+    """The origin of a record.
 
     Attributes
     ----------
@@ -82,7 +82,7 @@ class Record:
         return cls(kind, version, {name: values.pop(name) for name in key}, values, provenance)
 
     def to(self, form: Callable[..., Result], check: Callable[[Result], None] = lambda _: None) -> Result | None:
-        """What `of` made a record of; None where it does not have the fields of the dataclass `form`, or `check` raises."""
+        """The result that `of` made a record of; None where it lacks fields of the dataclass `form`, or `check` raises."""
         try:
             result = form(**self.key, **self.values, provenance=self.provenance)
             check(result)
@@ -91,7 +91,7 @@ class Record:
         return result
 
     def agrees(self, key: Mapping[str, Any]) -> bool:
-        """Whether the record's key has all of these values; it may have more."""
+        """True where the record's key has all of these values; it may have more."""
         own, missing = _plain(self.key), object()
         return all(own.get(name, missing) == value for name, value in _plain(key).items())
 

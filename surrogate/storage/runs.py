@@ -32,7 +32,7 @@ SCHEMA = 1
 
 @dataclass(frozen=True)
 class RunRecord:
-    """What `run.json` says.
+    """The contents of `run.json`.
 
     Attributes
     ----------
@@ -66,7 +66,7 @@ class RunRecord:
 
     @classmethod
     def load(cls, folder: Path) -> RunRecord | None:
-        """What the run's `run.json` says; None without one.  Raises ValueError for a damaged or newer one."""
+        """The record in the run's `run.json`; None without one.  Raises ValueError for a damaged or newer one."""
         path = folder / RECORD
         if not path.is_file():
             return None
@@ -114,12 +114,12 @@ class RunFolder:
 
     @property
     def model(self) -> Path:
-        """Where the surrogate is kept."""
+        """The folder of the surrogate."""
         return self.folder / MODEL
 
     @property
     def catalog_path(self) -> Path:
-        """Where the catalog is, or was."""
+        """The path of the catalog, which may be gone."""
         return Path(os.path.normpath(self.folder / (BESIDE if self.record is None else self.record.catalog)))
 
     @property

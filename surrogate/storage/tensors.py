@@ -18,7 +18,7 @@ MOST_COLUMNS = 1_000_000  # of a tensor beside its rows: one without rows needs 
 
 
 def read_tensors(file: BinaryIO, size: int) -> bytes:
-    """The contents of a file of `size` bytes, once its header has told that these are all that its tensors need.
+    """The contents of a file of `size` bytes, once its header says that its tensors need all of them.
 
     Raises ValueError naming the tensor, or saying what is wrong with the header.
     """
@@ -51,14 +51,14 @@ def _parsed(header: bytes) -> Mapping[str, Any]:
     try:
         found = json.loads(header)
     except (ValueError, RecursionError) as error:
-        raise ValueError(f"its header is no JSON: {error}") from error
+        raise ValueError(f"its header is not JSON: {error}") from error
     if not isinstance(found, dict):
-        raise ValueError("its header is no JSON object")
+        raise ValueError("its header is not a JSON object")
     return {name: value for name, value in found.items() if name != "__metadata__"}
 
 
 def _needed(header: Mapping[str, Any]) -> int:
-    """How many bytes the tensors of a header need."""
+    """The number of bytes that the tensors of a header need."""
     total = 0
     for name, entry in header.items():
         form, shape = (entry.get("dtype"), entry.get("shape")) if isinstance(entry, dict) else (None, None)
