@@ -126,8 +126,9 @@ class TrainingSettings:
     appearance : the catalog's appearance that is learnt; "" means the first.
     gaussians : number of Gaussians, constant through training (dead ones are relocated).
     visualization_gaussians : number of the Gaussians that isosurfaces have of their own; 0 for as many as the base.
-    initialization : start of the Gaussians.  "in-situ" takes points that the hook sampled by opacity, "sfm" structure from motion of
-        one member (the extra `[sfm]`), "random" the whole box; "auto" in-situ points where the catalog has them, else "random".
+    initialization : start of the Gaussians.  They start in the box at "random", on points that the hook sampled by opacity
+        ("in-situ"), or on structure from motion ("sfm", with the extra `[sfm]`).  The default "auto" takes in-situ points where the
+        catalog has them, else random ones.
     color_degree, visualization_color_degree : 0 for one colour per Gaussian; 1 adds a linear dependence on the viewing direction
         (shading); "auto" lets validation images decide.  The second is for the Gaussians of a variation.
     canonical_steps, deformation_steps, visualization_steps : length of each stage; the last for each variation of the appearance.

@@ -67,7 +67,7 @@ class VariedEvaluation:
 
     Attributes
     ----------
-    deformation : the kind of appearance deformation; "applied" where transfer functions are applied to carried values.
+    deformation : the kind of visualization deformation; "applied" where transfer functions are applied to carried values.
     cells : scored images, of unseen views, by row of `SETTINGS` and column of `PARAMETERS`.
     validation : of validation members under validation settings, from all but test views.
     milliseconds : of a "visualization_change" and of a "view_change" after it.

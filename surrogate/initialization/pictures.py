@@ -21,7 +21,7 @@ VISIBLE = 2  # of 255: rounding to 8 bits, on disk and from premultiplied, can't
 
 
 @dataclass(frozen=True, eq=False)
-class Points:
+class StartPoints:
     """M sampled points: places in normalized coordinates (M, 3), and where known straight RGB (M, 3) and field values (M,)."""
 
     places: NDArray[np.float64]  # [M, 3]

@@ -14,7 +14,7 @@ from catalogs.vocabulary.variations import Variation
 from surrogate.appearance.averages import averages_reference
 from surrogate.appearance.field_gaussians import AnyGaussians, FieldGaussians, FieldValues
 from surrogate.gaussians import Gaussians, Normalization
-from surrogate.initialization.pictures import Points
+from surrogate.initialization.pictures import StartPoints
 from surrogate.randomness import generator
 from surrogate.settings import TrainingSettings
 
@@ -27,7 +27,7 @@ START_NORMAL = 0.8  # length of normals: 1 is the longest that means anything
 
 def initial_points(
     settings: TrainingSettings, catalog: Catalog, appearance: str, normalization: Normalization
-) -> Points | None:
+) -> StartPoints | None:
     """The points of all training members' summaries, or None where Gaussians are to start anywhere in the box.
 
     They are of the field that `appearance` shows.  Their colours are those of the transfer function, where it has one.  Raises
@@ -49,14 +49,14 @@ def initial_points(
         return None
     places = normalization.points(np.concatenate([s.points for s in kept]))  # [M, 3]
     if not isinstance(shown, VolumeRendering):
-        return Points(places, None)
+        return StartPoints(places, None)
     values = np.concatenate([s.point_values for s in kept]).astype(np.float64)  # [M]
-    return Points(places, shown.transfer_function.colors(values), values)
+    return StartPoints(places, shown.transfer_function.colors(values), values)
 
 
 def surface_points(
     settings: TrainingSettings, catalog: Catalog, variation: Variation, normalization: Normalization
-) -> Points | None:
+) -> StartPoints | None:
     """Points that the hook sampled on the isosurfaces which `variation` trains, of all training members; None where it has none."""
     if settings.initialization not in ("auto", "in-situ"):
         return None
@@ -68,12 +68,12 @@ def surface_points(
                 on_it = summary.point_values == summary.point_values.dtype.type(surface.isovalue)  # [M]
                 found.append(summary.points[on_it])
     places = np.concatenate(found) if found else np.empty((0, 3))
-    return Points(normalization.points(places), None) if len(places) else None
+    return StartPoints(normalization.points(places), None) if len(places) else None
 
 
 def _from_pictures(
     settings: TrainingSettings, catalog: Catalog, appearance: str, normalization: Normalization
-) -> Points:
+) -> StartPoints:
     """Points that the pictures of one member tell, slower and coarser than what the hook knew."""
     from surrogate.initialization.pictures import representative_member
     from surrogate.initialization.structure_from_motion import structure_from_motion_points
@@ -85,7 +85,7 @@ def _from_pictures(
 def initial_gaussians(
     settings: TrainingSettings,
     box: NDArray[np.float64],
-    points: Points | None,
+    points: StartPoints | None,
     color: NDArray[np.float64],
     field: FieldValues | None = None,
 ) -> AnyGaussians:

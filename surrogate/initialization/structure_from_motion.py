@@ -23,7 +23,7 @@ from catalogs.store.catalog import Catalog, Member
 from catalogs.vocabulary.cameras import Camera
 from catalogs.vocabulary.words import one_line
 from surrogate.gaussians import Normalization
-from surrogate.initialization.pictures import Picture, Points, foreground, straight_colors, training_pictures
+from surrogate.initialization.pictures import Picture, StartPoints, foreground, straight_colors, training_pictures
 
 FEWEST_POINTS = 200  # fewer say less about where the volume is than its box does
 NEIGHBOURS = 8  # nearest views that each is matched with; further ones no longer look alike
@@ -48,7 +48,7 @@ class Track:
 
 def structure_from_motion_points(
     catalog: Catalog, member: Member, appearance: str, normalization: Normalization, *, seed: int = 0
-) -> Points:
+) -> StartPoints:
     """Points inside the box that at least three training pictures of one member show, with their mean straight RGB.
 
     Features need something to hold on to: texture, edges and corners of surfaces.  What is smooth gives none, and in
@@ -74,7 +74,7 @@ def structure_from_motion_points(
         )
     shown = [foreground(picture.pixels, catalog.plan.background) for picture in pictures]  # V of [H, W, 4]
     sums = [np.sum([shown[view][row, column] / 255.0 for view, row, column in t.pixels], axis=0) for t in tracks]
-    return Points(np.stack([track.place for track in tracks]), straight_colors(np.stack(sums)))
+    return StartPoints(np.stack([track.place for track in tracks]), straight_colors(np.stack(sums)))
 
 
 def triangulate(

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from catalogs.vocabulary.cameras import Camera
 from catalogs.vocabulary.parameters import ParameterSpace
 from surrogate.model.deformed import DeformedGaussians
-from surrogate.model.places import Place
+from surrogate.model.places import ParameterPoint
 from surrogate.splatting.threads import cores, one_torch_thread
 
 PARTS = 4  # of the work for each core, so that all end at about the same time
@@ -74,10 +74,10 @@ def paired(rows: Sequence[Row], cameras: Camera | Sequence[Camera]) -> tuple[lis
 
 
 def draw_all(
-    places: Sequence[Place],
+    places: Sequence[ParameterPoint],
     cameras: Sequence[Camera],
     size: tuple[int, int],
-    deformed_at: Callable[[Place], DeformedGaussians],
+    deformed_at: Callable[[ParameterPoint], DeformedGaussians],
     background: NDArray[np.float32] | None,
     *,
     side_by_side: bool,
@@ -109,7 +109,7 @@ def draw_all(
     return pictures
 
 
-def warn_of(places: Sequence[Place], stacklevel: int) -> None:
+def warn_of(places: Sequence[ParameterPoint], stacklevel: int) -> None:
     """Warn of parameters out of bounds, once for each sentence, and of at most three."""
     sentences = list(dict.fromkeys(itertools.chain.from_iterable(place.warnings for place in places)))
     for sentence in sentences[:3]:
@@ -118,7 +118,7 @@ def warn_of(places: Sequence[Place], stacklevel: int) -> None:
         warnings.warn(f"and {len(sentences) - 3} more values lie outside their bounds", stacklevel=stacklevel + 1)
 
 
-def _parts(places: Sequence[Place], workers: int) -> list[list[int]]:
+def _parts(places: Sequence[ParameterPoint], workers: int) -> list[list[int]]:
     """The pictures by number, those of one member together, in pieces so small that every worker has several."""
     members: dict[int, list[int]] = {}
     for k, place in enumerate(places):

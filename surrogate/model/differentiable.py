@@ -21,7 +21,7 @@ from surrogate.deformation import Deformation
 from surrogate.deformation.visualization import Visualization
 from surrogate.gaussians import Gaussians, Normalization
 from surrogate.model.deformed import checked_background
-from surrogate.model.places import Place, place_of
+from surrogate.model.places import ParameterPoint, place_of
 from surrogate.model.rigid import in_camera, posed
 from surrogate.rasterizer import Rasterizer, primitives
 
@@ -144,7 +144,7 @@ class DifferentiableSurrogate(torch.nn.Module):
                 raise ValueError(f"parameter {name} must be one number, got shape {tuple(value.shape)}")
         return {n: v.reshape(()) if isinstance(v, Tensor) else v for n, v in given.items()}
 
-    def _check_differentiable(self, place: Place, given: Mapping[str, Any]) -> None:
+    def _check_differentiable(self, place: ParameterPoint, given: Mapping[str, Any]) -> None:
         """Raise ValueError for a gradient by a transfer function that is applied to carried values, which there is none of."""
         if place.visualization is None or place.visualization.deformation is not None:
             return
@@ -155,7 +155,7 @@ class DifferentiableSurrogate(torch.nn.Module):
                     "number, or detach it"
                 )
 
-    def _normalized(self, place: Place, given: Mapping[str, Any]) -> Tensor:
+    def _normalized(self, place: ParameterPoint, given: Mapping[str, Any]) -> Tensor:
         """The normalized parameters (P + V,) float64 of a place, with the gradient by those that were given as tensors."""
         parts = [_follow(place.simulation, self.space.names, given, _slopes(self.space, place.parameters))]
         if place.visualization is not None and place.settings is not None:

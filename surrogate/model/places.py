@@ -23,7 +23,7 @@ FARTHEST = 10.0  # times the range of a parameter beyond its bounds: what is lea
 
 
 @dataclass(frozen=True, eq=False)
-class Place:
+class ParameterPoint:
     """Parameters of one member, as they are seen.
 
     Attributes
@@ -76,7 +76,7 @@ class Place:
 
 def place_of(
     space: ParameterSpace, visualizations: Sequence[Visualization], parameters: Mapping[str, Any], outside: Any
-) -> Place:
+) -> ParameterPoint:
     """The place of simulation parameters, all of them by name, and of visualization parameters of one variation.
 
     Raises ValueError for missing, unknown, non-finite and absurd ones, or where no variation has them; `outside` says whether
@@ -92,7 +92,7 @@ def place_of(
     values = variation.values_of(varied, outside="allow")  # [V]
     if values is not None:
         _check_near(variation.space, values)
-    return Place(
+    return ParameterPoint(
         {**place.parameters, **dict.fromkeys(variation.argument_names, 0.0), **varied},
         place.simulation,
         visualization,
@@ -101,14 +101,14 @@ def place_of(
     )
 
 
-def simulation_place(space: ParameterSpace, parameters: Mapping[str, Any], outside: Any) -> Place:
+def simulation_place(space: ParameterSpace, parameters: Mapping[str, Any], outside: Any) -> ParameterPoint:
     """The place of simulation parameters alone."""
     if outside not in ("warn", "allow"):
         raise ValueError(f'outside must be "warn" or "allow", got {outside!r}')
     values = space.values(parameters, outside="allow")  # [P]
     _check_near(space, values)
     by_name = dict(zip(space.names, values.tolist(), strict=True))
-    return Place(by_name, space.normalize(values), warnings=tuple(space.outside(values).values()))
+    return ParameterPoint(by_name, space.normalize(values), warnings=tuple(space.outside(values).values()))
 
 
 def transfer_place(
@@ -119,7 +119,7 @@ def transfer_place(
     outside: Any,
     *,
     carried: bool = False,
-) -> Place:
+) -> ParameterPoint:
     """The place of simulation parameters under any transfer function.
 
     `carried` says that the Gaussians carry the field's values.  Raises ValueError where neither they nor a variation know any.
@@ -132,7 +132,7 @@ def transfer_place(
         raise ValueError(
             'the Gaussians of this surrogate carry colours and know no transfer functions: train with carried = "values"'
         )
-    return Place(place.parameters, place.simulation, known[0], function=function, warnings=place.warnings)
+    return ParameterPoint(place.parameters, place.simulation, known[0], function=function, warnings=place.warnings)
 
 
 def _check_near(space: ParameterSpace, values: Sequence[float] | NDArray[np.float64]) -> None:

@@ -24,7 +24,7 @@ from surrogate.model.batches import draw_all, paired, rows_of, warn_of
 from surrogate.model.deformed import DeformedGaussians, checked_background
 from surrogate.model.differentiable import DifferentiableSurrogate
 from surrogate.model.form import fields_of, stored
-from surrogate.model.places import Place, place_of, transfer_place
+from surrogate.model.places import ParameterPoint, place_of, transfer_place
 from surrogate.notebook import surrogate_html
 from surrogate.rasterizer import Rasterizer
 from surrogate.splatting import AUTO
@@ -113,7 +113,7 @@ class Surrogate:
         """
         colour = checked_background(background)
         rows, views, size = paired(rows_of(self.space, parameters), cameras)
-        known: dict[str, Place] = {}
+        known: dict[str, ParameterPoint] = {}
         places = []
         for row in rows:
             key = repr(sorted(row.items()))
@@ -163,20 +163,22 @@ class Surrogate:
         """The visualization parameters that `at` takes."""
         return tuple(name for v in self.visualizations for name in v.variation.argument_names)
 
-    def _place(self, parameters: Mapping[str, Any], outside: Any, function: TransferFunction | None = None) -> Place:
+    def _place(
+        self, parameters: Mapping[str, Any], outside: Any, function: TransferFunction | None = None
+    ) -> ParameterPoint:
         if function is None:
             return place_of(self.space, self.visualizations, parameters, outside)
         carried = isinstance(self.gaussians, FieldGaussians)
         return transfer_place(self.space, self.visualizations, parameters, function, outside, carried=carried)
 
-    def _at(self, place: Place, outside: Any) -> DeformedGaussians:
+    def _at(self, place: ParameterPoint, outside: Any) -> DeformedGaussians:
         """The Gaussians there; warns, at the line of the caller's caller, unless `outside` is "allow"."""
         if outside == "warn":
             for sentence in place.warnings:
                 warnings.warn(sentence, stacklevel=3)
         return self._deformed(place)
 
-    def _deformed(self, place: Place) -> DeformedGaussians:
+    def _deformed(self, place: ParameterPoint) -> DeformedGaussians:
         deformed = place.deform(self.gaussians, self.deformation)
         return DeformedGaussians(deformed, place.parameters, self.normalization, self.rasterizer)
 

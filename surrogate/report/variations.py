@@ -30,7 +30,11 @@ from surrogate.evaluation.tables import (
 def variation_section(record: Mapping[str, Any], unavailable: Iterable[str]) -> list[str]:
     """The blocks of Markdown about one of a report's variations."""
     kind = KINDS[record["kind"]]
-    names, images, deformation = kind.plural, record["images"], f"F_vis is of kind {record['deformation']}."
+    names, images, deformation = (
+        kind.plural,
+        record["images"],
+        f"The visualization deformation is of kind {record['deformation']}.",
+    )
     if kind.continuous:
         title, judged = f"Unseen {names}", f" of validation members and {names}"
         text = f"{_capital(names)} beside the appearance `{record['base']}`, at unseen views; {deformation}  {_behind(record)}"

@@ -24,8 +24,8 @@ MOST_CALMED = 3  # times that a training which diverged begins anew
 
 
 @dataclass(frozen=True)
-class Asked:
-    """What a command says about a run of a catalog; what it leaves out is chosen.
+class TrainingOptions:
+    """The options of a command for a run of a catalog; the others are chosen.
 
     Attributes
     ----------
@@ -55,7 +55,7 @@ class Asked:
 def read_settings(path: Path) -> dict[str, Any]:
     """The settings in a TOML file: its `[training]` table, such as a scene has, or all of it.
 
-    Raises ValueError naming the file for what is no TOML, or no settings; OSError where it can't be read.
+    Raises ValueError naming the file for anything but TOML with settings; OSError where it can't be read.
     """
     try:
         tables = tomllib.loads(path.read_text(encoding="utf-8"))
@@ -71,7 +71,7 @@ def read_settings(path: Path) -> dict[str, Any]:
 def begin(
     path: Path,
     folder: Path,
-    asked: Asked,
+    asked: TrainingOptions,
     *,
     elapsed: Clock | None = None,
     ranks: Ranks = ALONE,
@@ -82,8 +82,8 @@ def begin(
     they are counted with; see `budgeted`.  Of several processes that will train together, `ranks`, all call this: they measure the
     speed, and the first one reads and writes `folder`.
 
-    Raises ValueError, with nothing written, where the folder holds a run that something else was asked for, of another catalog or
-    of a scene, and where the catalog can't be learnt from; RuntimeError where another process is at work there.
+    Raises ValueError, with nothing written, where the folder holds a run of other options, of another catalog or of a scene, and
+    where the catalog can't be learnt from.  Raises RuntimeError where another process trains there.
     """
     catalog = Catalog.open(path)
     known = ranks.by_first(lambda: _known(folder, catalog, asked))
@@ -120,7 +120,7 @@ def _saved(record: RunRecord, folder: Path) -> RunRecord | None:
 
 
 def calmer(run: RunFolder) -> RunFolder | None:
-    """A run of a catalog that diverged, begun anew with half the rates of F_sim; None after three times, and for a scene."""
+    """A run of a catalog that diverged, begun anew with half its rates; None after three times, and for a scene."""
     known = run.record
     if known is None or not known.asked or known.chosen.get("calmed", 0) >= MOST_CALMED:
         return None
@@ -134,8 +134,8 @@ def calmer(run: RunFolder) -> RunFolder | None:
     return RunFolder.open(run.folder)
 
 
-def _known(folder: Path, catalog: Catalog, asked: Asked) -> RunRecord | None:
-    """What is known of the run that is there, if nothing else is asked for; None where there is none."""
+def _known(folder: Path, catalog: Catalog, asked: TrainingOptions) -> RunRecord | None:
+    """The run in the folder if its options are the same; None where there is none."""
     known = RunRecord.load(folder)
     if known is not None:
         return _found(RunFolder(folder, known), catalog, asked).record
@@ -150,7 +150,7 @@ def _known(folder: Path, catalog: Catalog, asked: Asked) -> RunRecord | None:
     return None
 
 
-def _found(run: RunFolder, catalog: Catalog, asked: Asked) -> RunFolder:
+def _found(run: RunFolder, catalog: Catalog, asked: TrainingOptions) -> RunFolder:
     """The run that is there, if nothing else is asked for; its record follows a catalog that was moved."""
     assert run.record is not None
     others = _disagreements(run.record, asked)
@@ -171,7 +171,7 @@ def _found(run: RunFolder, catalog: Catalog, asked: Asked) -> RunFolder:
     return run
 
 
-def _disagreements(known: RunRecord, asked: Asked) -> list[str]:
+def _disagreements(known: RunRecord, asked: TrainingOptions) -> list[str]:
     """In what a run was begun otherwise than it is asked for now; what is not asked for agrees with everything."""
     now = {"minutes": asked.budget.minutes, "steps": asked.budget.steps, "hold_out": asked.hold_out}
     said = [

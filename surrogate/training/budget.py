@@ -1,9 +1,9 @@
-"""What a budget in minutes or steps leads to: how many Gaussians, trained for how many steps, on this machine.
+"""Settings for a budget in minutes or steps: numbers of Gaussians and of steps on this machine.
 
-The pictures say how many Gaussians are worth having, and the number of images how many steps they need for it.  The rules are
-those that did best on validation images in equal time, on pictures of 64 to 256 pixels a side: where members look much alike, more
-Gaussians were worth more than more steps, so they grow with the time; where members differ strongly, steps were; where little of
-a picture shows anything, few Gaussians were.
+The pictures decide how many Gaussians are worth having, and the number of images how many steps these need.  The rules did best on
+validation images in equal time, on pictures of 64 to 256 pixels a side.  Where members look much alike, Gaussians were worth more
+than steps, so they grow with the time; where members differ strongly, steps were.  Where little of a picture shows anything, few
+Gaussians were enough.
 """
 
 from __future__ import annotations
@@ -106,7 +106,7 @@ def _since_now() -> Clock:
 
 @dataclass(frozen=True)
 class Worth:
-    """What decides how many Gaussians and samples a pixel pictures are worth.
+    """The properties of pictures that decide how many Gaussians and samples a pixel they are worth.
 
     Attributes
     ----------
@@ -122,7 +122,7 @@ class Worth:
     rough: float = 0.0
 
     def gaussians(self, steps: float | None = None) -> int:
-        """How many are worth having in so many steps of one image, in stages 1 and 2; without any, in just enough."""
+        """The number worth having for `steps` of one image in stages 1 and 2; without any, for just enough."""
         part = 1.0 if steps is None else steps / self.enough_steps
         more = part**0.5 if self.changing <= ALIKE else 1.0
         enough = min((PER_PIXEL * self.visible) ** 0.5, LARGEST)
@@ -153,7 +153,7 @@ def _rounded(count: float) -> int:
 
 
 def _sized(given: Mapping[str, Any], source: Source, worth: Worth, steps: int) -> TrainingSettings:
-    """The given settings with so many steps over all stages, and with what follows from them where it is not given."""
+    """The given settings with `steps` over all stages, and with those that follow where they are not given."""
     stages = 1 + len(source.variations)
     each = max(1, steps // stages)
     seen, moving = (
@@ -175,13 +175,13 @@ def _sized(given: Mapping[str, Any], source: Source, worth: Worth, steps: int) -
 
 @dataclass(frozen=True)
 class _Plan:
-    """What fits into the time that was left, as training a little with the settings that were `tried` showed.
+    """The settings that fit into the time left, by a short training with the settings `tried`.
 
     Attributes
     ----------
     is_compressed : whether there is time for the choices of compression.
     steps : over all stages.
-    asked : settings of so many steps, with as many Gaussians as these are worth.
+    asked : settings of a number of steps, with as many Gaussians as these are worth.
     """
 
     tried: TrainingSettings
@@ -197,13 +197,13 @@ class _Plan:
 
     @property
     def nearer(self) -> TrainingSettings:
-        """What to try next: fewer Gaussians are faster; more leave fewer steps, which are then worth fewer Gaussians."""
+        """The next settings to try: fewer Gaussians are faster; more leave fewer steps, which are then worth fewer Gaussians."""
         growth = min(self.growth, self.growth**BALANCED)
         return self.asked.changed(gaussians=_rounded(self.tried.gaussians * growth))
 
     @property
     def settled(self) -> TrainingSettings:
-        """So many steps of the Gaussians that were tried."""
+        """The steps of `asked` with the Gaussians of `tried`."""
         return self.asked.changed(gaussians=self.tried.gaussians)
 
 
@@ -259,14 +259,14 @@ def _slowest(settings: TrainingSettings, shown: Appearance) -> TrainingSettings:
 def _design(source: Source, worth: Worth) -> dict[str, Any]:
     """Settings that follow from what Gaussians carry, and from what pictures show.
 
-    Of rough pictures carried colours learn more with several samples a pixel (nyx at 128 pixels, five minutes: 33.1 dB instead of
-    32.4), carried values less (tgv-tf: 38.8 instead of 41.8).
+    On rough pictures several samples a pixel help carried colours (nyx at 128 pixels, five minutes: 33.1 dB instead of 32.4).  They
+    harm carried values (tgv-tf: 38.8 instead of 41.8).
     """
     return {"samples": worth.samples} if source.field is None else {"latent_size": MODES_OF_VALUES}
 
 
 def _calm_rates(steps: float) -> dict[str, Any]:
-    """Rates of F_sim for so many steps of a stage: the longer rates stay high, the lower they must be.
+    """Rates of the simulation deformation for a stage of `steps`: the longer rates stay high, the lower they must be.
 
     An ensemble of strongly different members diverged at the usual ones in 33,288 steps; at 0.3 of them it was trained in 43,268.
     """

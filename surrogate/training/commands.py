@@ -78,14 +78,14 @@ def _begun(
     """The run of a catalog, begun or found; says what was chosen for it."""
     from surrogate.settings import values_of_words
     from surrogate.storage.runs import RECORD
-    from surrogate.training.begin import Asked, begin, read_settings, seconds_of_process
+    from surrogate.training.begin import TrainingOptions, begin, read_settings, seconds_of_process
     from surrogate.training.budget import Budget
     from surrogate.training.messages import opening
 
     chosen = {} if file is None else read_settings(file)
     chosen |= values_of_words(words)
     chosen |= {name: asked[name] for name in ("appearance", "seed") if asked[name] is not None}
-    wanted = Asked(Budget(asked["minutes"], asked["steps"]), asked["hold_out"], chosen)
+    wanted = TrainingOptions(Budget(asked["minutes"], asked["steps"]), asked["hold_out"], chosen)
     is_told = ranks.is_first and not (folder / RECORD).is_file()
     with ProgressLine() as line:
         if is_told:
@@ -125,7 +125,9 @@ def _trained(opened: OpenRun, ranks: Ranks) -> tuple[Surrogate, OpenRun]:
                 return run(opened.settings, opened.catalog, opened.model, progress=line, ranks=ranks), opened
             except Diverged as error:
                 record = ranks.by_first(partial(_calmer, opened, error))
-                line.say(f"{str(error).split(':')[0]}: it begins anew with half the rates of F_sim")
+                line.say(
+                    f"{str(error).split(':')[0]}: it begins anew with half the rates of the simulation deformation"
+                )
         opened = OpenRun.of_run(RunFolder(opened.folder, record))
 
 

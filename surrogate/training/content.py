@@ -1,4 +1,4 @@
-"""What pictures show: how many of their pixels, how rough it is, and how much of it changes from member to member."""
+"""Properties of pictures: their shown pixels, their roughness, and how much changes from member to member."""
 
 from __future__ import annotations
 
@@ -26,12 +26,12 @@ def sampled(source: Source, rows: Sequence[ImageRow]) -> list[Example]:
 
 
 def visible_pixels(source: Source, examples: Sequence[Example]) -> float:
-    """How many pixels of a picture show something: the mean over `examples`."""
+    """The number of pixels of a picture that show something: the mean over `examples`."""
     return statistics.fmean(float(_shows(example.pixels, source).sum()) for example in examples)
 
 
 def roughness(examples: Sequence[Example]) -> float:
-    """How much of a picture is as fine as its pixels: 0 where it is smooth, 1 and more where neighbours have nothing in common.
+    """Roughness, the share of a picture as fine as its pixels: 0 where it is smooth, 1 and more where neighbours share nothing.
 
     The mean square by which pixels differ from the mean of their four neighbours, over the variance, each over all `examples`.
     """
@@ -45,10 +45,10 @@ def roughness(examples: Sequence[Example]) -> float:
 
 
 def changing_share(source: Source, rows: Sequence[ImageRow]) -> float:
-    """How much of what is seen changes from member to member: 0 where all look the same, about 1 where they share nothing.
+    """The share of the pictures that changes from member to member: 0 where all look the same, about 1 where they share nothing.
 
-    Of the variance of colours in pixels that show something in any member, over pixels and members, the share that the mean over
-    members leaves; the mean over some cameras through which several members are seen, and 1 where there is none.
+    It is the share of the variance of colours, over members and the pixels that show something in any of them, which the mean over
+    members leaves.  Mean over some cameras that see several members; 1 where there are none.
     """
     found = [_unexplained(pictures, source) for pictures in _by_camera(source, rows)]
     return statistics.fmean(found) if found else 1.0

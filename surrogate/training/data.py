@@ -55,7 +55,7 @@ class Example:
     member: str = ""
 
     def compared(self) -> NDArray[np.uint8]:
-        """What a drawn picture is compared with: opaque pixels as they are, (H, W, 3), others over white, (H, W, 4).
+        """The target of a drawn picture: opaque pixels as they are, (H, W, 3), others over white, (H, W, 4).
 
         The colours over white, as they are judged, and alpha as a fourth channel, without which the colour over any other
         background is anyone's guess.  A background drawn per step constrains both too, but the noise of it cost 0.7 dB

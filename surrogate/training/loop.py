@@ -31,7 +31,7 @@ FARTHEST = 10.0  # half boxes from the centre
 
 @dataclass(frozen=True, eq=False, repr=False)
 class LoopMemory:
-    """What the loop remembers after `step` steps of a stage, beside what it trains.
+    """The loop's memory after `step` steps of a stage, beside the trained tensors.
 
     `tensors` are Adam's moments and the steps of rows, and the recent largest opacities.
     """
@@ -176,7 +176,7 @@ class StageRun:
         return mean_psnr(self.stage.gaussians_at, shown, self._rasterizer, self._background, ranks)
 
     def memory(self) -> LoopMemory:
-        """What a run with the same stage, its tensors as they are now, settings and data goes on with."""
+        """The memory with which a run of the same stage, tensors, settings and data goes on."""
         self.data.ranks.maximum(self._peaks)
         tensors = {"peaks": self._peaks}
         for name, moments in self._adam.moments().items():
@@ -212,7 +212,7 @@ class StageRun:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class _Step:
-    """What a process knows of a step of B images: of its own share, until the sums over all processes are known.
+    """One process's share of a step of B images, until the sums over all processes are known.
 
     Attributes
     ----------
@@ -264,7 +264,7 @@ def first_huge(shown: Mapping[str, Tensor], floor: float) -> str:
 
 
 def is_faint(example: Example, background: Sequence[float]) -> bool:
-    """Whether the picture lies on average within a step of 8 bits of its background (3,): no Gaussian may be right there."""
+    """True where the picture lies on average within a step of 8 bits of its background (3,): no Gaussian may be right there."""
     colors = np.asarray(example.compared()[..., :3], dtype=np.float64)  # [H, W, 3]
     return bool(np.abs(colors - 255.0 * np.asarray(background)).mean() <= 1.0)
 

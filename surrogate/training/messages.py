@@ -1,4 +1,4 @@
-"""What `surrogate train` says on a terminal: what is about to be learnt, and how well it was."""
+"""Messages of `surrogate train` on a terminal: what is about to be learnt, and how well it was."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ HOLD_OUT, FEWEST = "--hold-out 0.2 keeps some aside", 3  # members, of which one
 
 
 def opening(run: RunFolder) -> Iterator[str]:
-    """What a new run of a catalog learns, from which members, and for how long."""
+    """A new run's subject, members and duration."""
     source, catalog, record = Source(run.settings, run.catalog), run.catalog, run.record
     learnt = learnt_line(catalog.plan, source.appearance, source.variations)
     yield f"{run.catalog_path}: {learnt}{' (--appearance learns another)' if '; not ' in learnt else ''}"
@@ -34,14 +34,14 @@ def opening(run: RunFolder) -> Iterator[str]:
 
 
 def closing(surrogate: Surrogate, catalog: Catalog, folder: Path) -> Iterator[str]:
-    """How good a surrogate is on a few test images, and what comes next."""
+    """A surrogate's score on a few test images, and what comes next."""
     yield f"  {_score(surrogate, catalog)}"
     yield f"next: surrogate explore {folder}     (in a browser)"
     yield f"      surrogate evaluate {folder}    (tables and pictures)"
 
 
 def about(run: RunFolder, surrogate: Surrogate) -> Iterator[str]:
-    """What a run's surrogate is, from what, and how it was trained."""
+    """A run's surrogate, its catalog and its training."""
     yield repr(surrogate)
     if run.missing:
         yield f"  {run.missing}"
@@ -72,7 +72,7 @@ def learnt_line(plan: CatalogPlan, appearance: str, variations: Sequence[Variati
 
 
 def members_line(catalog: Catalog) -> str:
-    """How many members are learnt from, choose and test; where none tests, what is therefore not known."""
+    """Numbers of members to learn from, to choose by and to test; without the last, what remains unknown."""
     members = catalog.members
     counts = Counter(member.split for member in members)
     views = any("validation" in member.view_splits for member in members)

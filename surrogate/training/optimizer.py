@@ -2,8 +2,8 @@
 
 Tensors with a row per Gaussian are moved where their Gaussian has a gradient, and each row counts its own steps.  In an ensemble
 most Gaussians show nothing of most members.  With Adam as it is for whole tensors their second moments decay meanwhile, and the
-next gradient throws a row thirty times as far as it would have moved, into members that do not show it: where 5 % of the pixels
-show anything, training diverged.  `torch.optim.SparseAdam` leaves unseen rows as they are too, but has one count for all.
+next gradient throws a row thirty times as far as it would have moved.  Where 5 % of the pixels show anything, training diverged.
+`torch.optim.SparseAdam` leaves unseen rows as they are too, but has one count for all.
 """
 
 from __future__ import annotations
@@ -29,8 +29,8 @@ def without_subnormals() -> Iterator[None]:
     """Take subnormal numbers for zero, in this thread (training runs torch on one: `surrogate.splatting.threads`).
 
     Processors are slow with them, and decay ends there, not at zero: 0.9 times the smallest is rounded to itself.  When every row
-    decayed, half of the first moments of a training on isosurfaces were such, of Gaussians that no picture showed any more (52 % of
-    520,000); in shared tensors they still arise.
+    decayed, half of the first moments of a training on isosurfaces were such, of Gaussians that no picture showed any more.  In
+    shared tensors they still arise.
     """
     before = sys.float_info.min / 2.0 == 0.0
     torch.set_flush_denormal(True)
@@ -67,7 +67,7 @@ update = fused_update if hasattr(torch, "_fused_adam_") else plain_update
 
 
 def surprise(gradient: Tensor, second: Tensor, steps: float) -> float:
-    """How many times larger a gradient is than those lately, in the root mean square of its elements; at least 1.
+    """The ratio of a gradient to those lately, in the root mean square of its elements; at least 1.
 
     `second` is the second moment before it, `steps` counts it.  Divided by it, rates no longer let one step throw far what has seen
     small gradients for long: "update clipping" of Wortsman et al. 2023, "Stable and low-precision training for large-scale
@@ -79,7 +79,7 @@ def surprise(gradient: Tensor, second: Tensor, steps: float) -> float:
 
 
 class Moments(NamedTuple):
-    """What Adam remembers of a tensor: both moments, of its shape, and how many steps each row has seen (N,) where rows count."""
+    """Adam's memory of a tensor: both moments, of its shape, and how many steps each row has seen (N,) where rows count."""
 
     first: Tensor
     second: Tensor
@@ -131,7 +131,7 @@ class Adam:
     def __init__(
         self, tensors: Mapping[str, Tensor], rates: Mapping[str, float], steps: int = 0, shared: Collection[str] = ()
     ) -> None:
-        """Go on after so many `steps`, with moments of zero until `moments` is written to.
+        """Go on after `steps`, with moments of zero until `moments` is written to.
 
         The `shared` tensors move as a whole, calmed by `surprise`; all others have a row per Gaussian.
         """
@@ -162,5 +162,5 @@ class Adam:
             tensor.grad = None
 
     def moments(self) -> dict[str, Moments]:
-        """What is remembered of each tensor; writing to it changes the optimizer."""
+        """The memory of each tensor; writing to it changes the optimizer."""
         return dict(self._moments)

@@ -1,4 +1,4 @@
-"""How fast this machine trains on a scene's pictures, measured in a few steps of each stage."""
+"""The speed of training on this machine with a scene's pictures, measured in a few steps of each stage."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from surrogate.training.data import ImageRow, TrainingData, load_examples
 from surrogate.training.loop import StageRun, mean_psnr
 from surrogate.training.source import Source
 from surrogate.training.stages import Stage, new_deformation, simulation_stage
-from surrogate.training.state import Fitted
+from surrogate.training.state import FittedGaussians
 from surrogate.training.visualizations import new_visualization, visualization_stage
 
 SAMPLED, LEAST_STEPS, MOST_STEPS, LEAST_SECONDS, LEAST_DRAWN = 64, 24, 2_000, 1.0, 8
@@ -55,7 +55,7 @@ def measure_pace(
         loaded.append(TrainingData(examples, (), source.catalog.plan.background, source.values, source.ranks))
     load = seconds / sum(len(data.examples) for data in loaded)
     gaussians = source.initial_gaussians(loaded[0])
-    fitted = Fitted(gaussians, new_deformation(gaussians, len(source.catalog.plan.space), settings))
+    fitted = FittedGaussians(gaussians, new_deformation(gaussians, len(source.catalog.plan.space), settings))
     fitted = fitted.to(chosen_device(settings.device))
     stages = [simulation_stage(*fitted.copy(), settings)]
     for variation in source.variations:
@@ -77,7 +77,7 @@ def _seconds(stage: Stage, settings: TrainingSettings, data: TrainingData, clock
     return statistics.median(taken[LEAST_STEPS // 4 :])
 
 
-def _seconds_to_draw(fitted: Fitted, settings: TrainingSettings, data: TrainingData, clock: Clock) -> float:
+def _seconds_to_draw(fitted: FittedGaussians, settings: TrainingSettings, data: TrainingData, clock: Clock) -> float:
     """Of a picture that is judged, deformation included."""
     some, background = data.examples[:LEAST_DRAWN], data.background or WHITE
     started = clock()

@@ -1,7 +1,7 @@
 """Processes that train one surrogate together, on one machine or many, as `torchrun` starts them.
 
-Each draws its share of a step's pictures.  One sum over all processes gives everyone the same gradients, and what they lead to is
-computed by all alike, so that their parameters stay equal bit for bit on processors of one kind.  Whatever a clock, a file or a
+Each draws its share of a step's pictures.  One sum over all processes gives everyone the same gradients.  All compute the
+same steps from them, so that their parameters stay equal bit for bit on processors of one kind.  Whatever a clock, a file or a
 signal decides, the first process decides for all.
 """
 
@@ -44,7 +44,7 @@ class Ranks:
 
     @property
     def is_first(self) -> bool:
-        """Whether this is the process that writes files and tells progress."""
+        """True for the process that writes files and reports progress."""
         return self.rank == 0
 
     def share(self, count: int) -> range:
@@ -78,7 +78,7 @@ class Ranks:
         return box[0]  # type: ignore[return-value]
 
     def by_first(self, work: Callable[[], T]) -> T:
-        """What `work` returns in the first process, which alone does it; what it raises, the others raise as `FailedElsewhere`."""
+        """The result of `work` in the first process, which alone does it; the others raise its errors as `FailedElsewhere`."""
         if self.count == 1:
             return work()
         found: T | None = None

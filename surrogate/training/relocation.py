@@ -1,11 +1,11 @@
 """Relocation of Gaussians that have become invisible to where more are needed; their number stays the same.
 
-Kheradmand et al. 2024, "3D Gaussian Splatting as Markov Chain Monte Carlo", section 3.3: a dead Gaussian moves onto a
-living one, chosen in proportion to its opacity, and the Gaussians that now share a place get the opacity and scale
-with which together they look like the one before (equation 9).
+Source: Kheradmand et al. 2024, "3D Gaussian Splatting as Markov Chain Monte Carlo", section 3.3.  A dead Gaussian moves onto a
+living one, chosen in proportion to its opacity.  Those that now share a place get the opacity and scale with which together they
+look like the one before (equation 9).
 
-In an ensemble a Gaussian may be invisible in one member and needed in another, so what counts is a decayed running
-maximum of the *deformed* opacity over the members seen lately, not the canonical opacity.
+In an ensemble a Gaussian may be invisible in one member and needed in another.  So a decayed running maximum of the *deformed*
+opacity over the members seen lately counts, not the canonical opacity.
 """
 
 from __future__ import annotations
@@ -48,9 +48,9 @@ def plan_relocation(
 
     Places are drawn in proportion to the opacities.
 
-    No source is shared by so many that these would be nearly dead again (below twice `dead_opacity`): a crowd of faint
-    Gaussians would else be shared out again and again (CloverLeaf, 40,000 Gaussians: 48 dB fell to 27).  Dead Gaussians for
-    which there is no room stay where they are.  None where nothing moves; else in main memory.
+    Sharers of a source must not be nearly dead again (below twice `dead_opacity`).  Else a crowd of faint Gaussians would be shared
+    out again and again (CloverLeaf, 40,000 Gaussians: 48 dB fell to 27).  Dead Gaussians without room stay where they are.  None
+    where nothing moves; else in main memory.
     """
     opacities = peaks.cpu().numpy().astype(np.float64)  # [N]
     dead = np.flatnonzero(~(opacities >= dead_opacity))
@@ -67,7 +67,7 @@ def plan_relocation(
 
 
 def _place_in_group(values: NDArray[np.int64]) -> NDArray[np.int64]:
-    """How many of the values (D,) before each one equal it, (D,)."""
+    """The number of values (D,) before each one that equal it, (D,)."""
     order = np.argsort(values, kind="stable")
     starts = np.flatnonzero(np.diff(values[order], prepend=-1))  # of each group in the order
     lengths = np.diff(starts, append=len(values))
@@ -80,8 +80,8 @@ def relocate(relocation: Relocation, rows: Mapping[str, Tensor], moments: Mappin
     """Move Gaussians in place: `rows` are all tensors with a row per Gaussian, `moments` what Adam remembers of them.
 
     `rows` holds at least `opacity_logits` (N,) and `log_scales` (N, 3).  The first moments of all concerned start anew; second
-    ones, and the steps that a row has seen, are those of the source.  Second moments of zero after so many steps would leave Adam
-    without a measure of the gradients: steps of up to 6.6 times the rate for some fifty steps, from which training drifted away.
+    ones, and the steps that a row has seen, are those of the source.  With second moments of zero after these steps Adam made
+    steps of up to 6.6 times the rate for some fifty steps, from which training drifted away.
     """
     moved, sources = relocation.moved, relocation.sources
     logits, log_scales = share(rows["opacity_logits"][sources], rows["log_scales"][sources], relocation.sharing)
@@ -104,8 +104,8 @@ def share(opacity_logits: Tensor, log_scales: Tensor, sharing: Tensor) -> tuple[
     Equation 9 of Kheradmand et al.: o' = 1 - (1 - o)^(1/n), and scales are multiplied by
     o / sum_{i=1..n} sum_{k=0..i-1} binom(i-1, k) (-1)^k o'^(k+1) / sqrt(k+1).
 
-    It is taken on optical depths, -ln(1 - o), of which each has an n-th: what is seen in some members only may have an opacity
-    of 1e-17 in the canonical Gaussians, where 1 - o is 1 and a scale would be multiplied by 1e-17 / 0.
+    Optical depths, -ln(1 - o), are divided.  A Gaussian that is seen in some members only may have a canonical opacity of 1e-17,
+    where 1 - o is 1 and a scale would be multiplied by 1e-17 / 0.
     """
     depth = torch.nn.functional.softplus(opacity_logits.double()).clamp(min=LEAST_DEPTH)  # [D]
     each_depth = depth / sharing  # [D]

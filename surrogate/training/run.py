@@ -1,8 +1,8 @@
 """Training from a catalog: stages 1, 2 and 3, checkpointed so that it can be stopped at any moment.
 
-A run that was killed and taken up again ends bit for bit where an undisturbed one does (on the same machine): every
-random choice is a function of the seed and the step, a checkpoint holds everything else, the kernels give the same result
-for any number of threads, and torch, whose share of a step is small, runs on one.
+A run that was killed and resumed ends bit for bit where an undisturbed one does (on the same machine).  Every random choice is a
+function of the seed and the step, and a checkpoint holds everything else.  The kernels give the same result for any number of
+threads; torch, whose share of a step is small, runs on one.
 
 Several processes may train together (`surrogate.training.ranks`).  The first of them reads and writes the run's folder; with the
 same batch, any number of processes goes on with what another number began.
@@ -27,10 +27,10 @@ from surrogate.splatting.threads import one_torch_thread
 from surrogate.storage.checkpoints import CHECKPOINT, Checkpoint, fingerprint, locked
 from surrogate.training.data import TrainingData
 from surrogate.training.ranks import ALONE, Ranks, require_own_gpu
-from surrogate.training.session import Interruption, ProgressReport, Session
+from surrogate.training.session import Interruption, ProgressReport, TrainingSession
 from surrogate.training.source import Source
 from surrogate.training.stages import new_deformation
-from surrogate.training.state import Fitted, TrainingState
+from surrogate.training.state import FittedGaussians, TrainingState
 from surrogate.training.steps import plan
 
 
@@ -48,9 +48,9 @@ def train(
     SIGTERM write a checkpoint first and then act as ever.  Where several processes train together, each calls this with its
     `ranks`, and gets the same surrogate.
 
-    Raises ValueError where `directory` holds a run of other settings or another catalog (nothing is overwritten), or
-    the catalog has nothing to learn from, or training diverges; RuntimeError where another process is training there, or one
-    of `ranks` is lost, or is not like the first.
+    Raises ValueError where `directory` holds a run of other settings or another catalog (nothing is overwritten), the catalog has
+    nothing to learn from, or training diverges.  Raises RuntimeError where another process is training there, or one of `ranks` is
+    lost or unlike the first.
     """
     directory = Path(directory)
     source = Source(settings, catalog, ranks)
@@ -62,7 +62,7 @@ def train(
         is_finished, checkpoint = ranks.by_first(lambda: _claimed(directory, mark, held))
         if is_finished:  # by another process, just now
             return _finished(directory, mark)
-        session = Session(settings, directory, mark, _steps(source), progress, Interruption(), ranks=ranks)
+        session = TrainingSession(settings, directory, mark, _steps(source), progress, Interruption(), ranks=ranks)
         surrogate = _trained(source, checkpoint, session)
         ranks.by_first(lambda: _keep(surrogate, directory))
         session.interruption.act()  # what was asked for during the last choices
@@ -97,8 +97,8 @@ def _require_like_the_first(ranks: Ranks, mark: str) -> None:
         ranks.raise_any(None if same else RuntimeError(f"{wrong} than the first one: let all have the same"))
 
 
-def _trained(source: Source, checkpoint: Checkpoint | None, session: Session) -> Surrogate:
-    """What comes of all steps that are left."""
+def _trained(source: Source, checkpoint: Checkpoint | None, session: TrainingSession) -> Surrogate:
+    """The surrogate after all remaining steps."""
     session.report("loading", 0)
     data = source.data()
     steps = plan(source, data)
@@ -141,11 +141,13 @@ def _begun(source: Source, data: TrainingData, checkpoint: Checkpoint | None) ->
     if checkpoint is not None:
         return TrainingState.load(checkpoint).to(device)
     gaussians = source.initial_gaussians(data)
-    first = Fitted(gaussians, new_deformation(gaussians, len(source.catalog.plan.space), source.settings)).to(device)
+    first = FittedGaussians(gaussians, new_deformation(gaussians, len(source.catalog.plan.space), source.settings)).to(
+        device
+    )
     return TrainingState(first)
 
 
-def _same(state: TrainingState, session: Session) -> TrainingState:
+def _same(state: TrainingState, session: TrainingSession) -> TrainingState:
     """The first process's state: other processors may have come to others in what each computes by itself."""
     ranks = session.ranks
     if ranks.count == 1:

@@ -1,4 +1,4 @@
-"""What surrounds the steps of a training: its clock, what it tells, its checkpoints, and requests to stop it."""
+"""The session of a training: its clock, progress reports and checkpoints, and requests to stop it."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
 @dataclass(frozen=True)
 class TrainingProgress:
-    """Where training stands.
+    """The progress of a training.
 
     Attributes
     ----------
@@ -108,7 +108,7 @@ class Interruption:
 
 
 @dataclass(eq=False, repr=False)
-class Session:
+class TrainingSession:
     """One process that trains in `directory`, for `steps` steps over all stages, together with the others of `ranks`.
 
     Earlier ones spent `before` seconds, and `processor_before` of all cores.
@@ -140,7 +140,7 @@ class Session:
 
     @property
     def pause_is_due(self) -> bool:
-        """Whether this process asks for a checkpoint: the first one because the last is old, any because training is to stop."""
+        """True where a checkpoint is due: in the first process as the last is old, in any as training is to stop."""
         is_old = time.perf_counter() - self._saved > self.settings.checkpoint_seconds
         return self.interruption.requested or (self.ranks.is_first and is_old)
 
@@ -166,7 +166,7 @@ class Session:
 
     @property
     def report_is_due(self) -> bool:
-        """Whether the last one was a while ago."""
+        """True where the last one was a while ago."""
         return time.perf_counter() - self._reported >= REPORT_SECONDS
 
     def report(
@@ -177,7 +177,7 @@ class Session:
         curve: Sequence[Mapping[str, Any]] = (),
         steps: int | None = None,
     ) -> None:
-        """Tell where training is, of so many `steps` (None: of all stages); with `losses` also how fast and how well it learns."""
+        """Report a step of `steps` (None: those of all stages); with `losses` also the rate and the mean loss."""
         psnr, steps = curve[-1]["psnr"] if curve else None, self.steps if steps is None else steps
         if losses is None:
             self.progress(TrainingProgress(stage, step, steps, psnr=psnr))

@@ -1,4 +1,4 @@
-"""What a training run takes from its catalog: images, the box, and where Gaussians start."""
+"""The input of a training run from its catalog: images, the box, and starting Gaussians."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from surrogate.appearance.field_gaussians import AnyGaussians, FieldValues
 from surrogate.appearance.scale import ValueScale
 from surrogate.gaussians import Gaussians, Normalization
 from surrogate.initialization.field_points import field_points
-from surrogate.initialization.pictures import Points
+from surrogate.initialization.pictures import StartPoints
 from surrogate.initialization.start import initial_gaussians, initial_points, surface_points, with_random_normals
 from surrogate.settings import TrainingSettings
 from surrogate.training.data import (
@@ -77,7 +77,7 @@ class Source:
 
     @cached_property
     def field(self) -> FieldValues | None:
-        """What the values mean that the Gaussians carry; None where they carry colours.  Raises ValueError where they can't."""
+        """The meaning of carried values; None where Gaussians carry colours.  Raises ValueError where they can't."""
         if not self.settings.carry_values(self.shown) or not isinstance(self.shown, VolumeRendering):
             return None
         return FieldValues(self.shown.transfer_function, ValueScale.of_function(self.shown.transfer_function))
@@ -89,7 +89,7 @@ class Source:
 
     @cached_property
     def values(self) -> KnownValues | None:
-        """What is learnt of the fields' own values; None where Gaussians carry colours, or nothing is to be learnt of them."""
+        """The fields' own values to learn from; None where Gaussians carry colours, or nothing is learnt of them."""
         if self.field is None or not self.settings.field_value_weight:
             return None
         points = field_points(self.catalog, field_of(self.shown), self.normalization, self.space)
@@ -128,7 +128,7 @@ class Source:
 
     @property
     def histogram(self) -> tuple[NDArray[np.int64] | None, NDArray[np.float64] | None]:
-        """How often the training members have which values, (K,), and the bins' edges (K + 1,); None where not known.
+        """The histogram of the training members' values, (K,), and its bins' edges (K + 1,); None where unknown.
 
         Values are those of the field that the appearance shows.
         """
@@ -139,20 +139,20 @@ class Source:
         return np.sum([summary.histogram for summary in known], axis=0), known[0].bin_edges
 
     @cached_property
-    def points(self) -> Points | None:
-        """What Gaussians start on; None: anywhere in the box."""
+    def points(self) -> StartPoints | None:
+        """The points on which Gaussians start; None: anywhere in the box."""
         return initial_points(self.settings, self.catalog, self.appearance, self.normalization)
 
     def initial_gaussians(
         self, data: TrainingData, settings: TrainingSettings | None = None, *, own_colors: bool = True
     ) -> AnyGaussians:
-        """What stage 1 starts from, by the run's own settings where none are given.
+        """The Gaussians that stage 1 starts from, by the run's own settings where none are given.
 
         Without `own_colors` all start in the mean colour of the images: the points' colours are those of the base appearance.
         """
         points = self.points
         if points is not None and not own_colors:
-            points = Points(points.places, None, points.values)
+            points = StartPoints(points.places, None, points.values)
         box = self.normalization.points(self.catalog.plan.bounds)  # [2, 3]
         some = data.examples[:: max(1, len(data.examples) // COLOR_SAMPLES)]
         color = foreground_color(some, data.background)  # [3]
@@ -168,7 +168,7 @@ class Source:
         return pixels[:: max(1, len(pixels) // MOST_PIXELS)] / 255.0
 
     def gaussians_on_surfaces(self, variation: Variation) -> Gaussians:
-        """What a variation's own Gaussians are before they are trained: on the surfaces, as far as the catalog knows them.
+        """A variation's own Gaussians before training: on the surfaces, as far as the catalog has points there.
 
         Their colours are normals that point anywhere.
         """

@@ -1,6 +1,6 @@
-"""What a stage of training optimizes, how fast, and how it makes the Gaussians of a member: the first two of them.
+"""Stages of training, each with its tensors, rates and Gaussians of a member: the first two of them.
 
-Stage 1 fits one set of Gaussians to all members at once, as well as one can.  In stage 2, F_sim, these deform with the simulation's
+Stage 1 fits one set of Gaussians to all members at once, as well as one can.  In stage 2 these deform with the simulation's
 parameters, and both are optimized together.  Stage 3 is in `training.visualizations`.
 """
 
@@ -29,7 +29,7 @@ RATES = {
 }
 FINAL_FACTOR = 0.2  # of all rates, reached exponentially at the end of a stage
 COOLDOWN = 0.3  # share of a stage: its last steps, in which all rates fall to 0 as well
-WARM_UP, WARM_UP_SHARE = 500, 0.05  # steps, at most so many of a stage's
+WARM_UP, WARM_UP_SHARE = 500, 0.05  # steps, at most this share of a stage's
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,10 +66,10 @@ class Stage:
         return self.carried_at(parameters).drawn(self.function_at(parameters))
 
     def warmth(self, step: int) -> float:
-        """What the rates of `warming` tensors are multiplied by in a step: they rise linearly at first.
+        """The factor of the rates of `warming` tensors in a step: they rise linearly at first.
 
         Where 5 % of the pixels show anything, most of what the first steps say is that Gaussians shall not be seen.  At full rates
-        F_sim learnt that within a few hundred steps for all members, and no gradient brought the Gaussians back.
+        the deformation learnt that within a few hundred steps for all members, and no gradient brought the Gaussians back.
         """
         return min(1.0, (step + 1) / min(WARM_UP, max(1.0, WARM_UP_SHARE * self.steps)))
 

@@ -21,37 +21,37 @@ from surrogate.training.loop import LoopMemory
 TOLD = ("done", "losses", "curve", "choices", "seconds", "processor_seconds")  # in a checkpoint's record as they are
 
 
-class Fitted(NamedTuple):
-    """What stages 1 and 2 fit: canonical Gaussians and F_sim, their deformation by the simulation's parameters."""
+class FittedGaussians(NamedTuple):
+    """The result of stages 1 and 2: canonical Gaussians and the simulation deformation."""
 
     gaussians: AnyGaussians
     deformation: Deformation
 
     @classmethod
-    def load(cls, tensors: Mapping[str, Tensor], record: Mapping[str, Any]) -> Fitted:
-        """What had these `tensors()` and this `record()`."""
+    def load(cls, tensors: Mapping[str, Tensor], record: Mapping[str, Any]) -> FittedGaussians:
+        """The fit with these `tensors()` and this `record()`."""
         deformation = load_deformation(part_of(tensors, "deformation"), record)
         return cls(load_gaussians(part_of(tensors, "gaussians"), record.get("field")), deformation)
 
-    def copy(self) -> Fitted:
+    def copy(self) -> FittedGaussians:
         """The same numbers in tensors of their own."""
-        return Fitted(self.gaussians.copy(), self.deformation.copy())
+        return FittedGaussians(self.gaussians.copy(), self.deformation.copy())
 
-    def to(self, device: torch.device) -> Fitted:
+    def to(self, device: torch.device) -> FittedGaussians:
         """The same on another device."""
-        return Fitted(self.gaussians.to(device), self.deformation.to(device))
+        return FittedGaussians(self.gaussians.to(device), self.deformation.to(device))
 
     def at(self, parameters: Tensor) -> Gaussians:
         """The Gaussians that are drawn at normalized parameters (P,)."""
         return self.deformation.deformed(self.gaussians, parameters).drawn()
 
-    def without(self, attribute: str) -> Fitted:
+    def without(self, attribute: str) -> FittedGaussians:
         """The same with one of the Gaussians' attributes held still."""
-        return Fitted(self.gaussians, self.deformation.without(attribute))
+        return FittedGaussians(self.gaussians, self.deformation.without(attribute))
 
-    def of(self, rows: Tensor) -> Fitted:
+    def of(self, rows: Tensor) -> FittedGaussians:
         """The same with only some Gaussians, by index (M,)."""
-        return Fitted(self.gaussians.of(rows), self.deformation.of(rows))
+        return FittedGaussians(self.gaussians.of(rows), self.deformation.of(rows))
 
     def tensors(self) -> dict[str, Tensor]:
         """All that would be stored."""
@@ -69,21 +69,21 @@ class Fitted(NamedTuple):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class TrainingState:
-    """Where training is, what is fitted, and what the loop remembers.
+    """The state of a training: its place, its fit, and the loop's memory.
 
     Attributes
     ----------
-    fitted : canonical Gaussians and F_sim.
+    fitted : canonical Gaussians and the simulation deformation.
     done : how many steps of `surrogate.training.steps.plan` are finished.
     loop : the loop's memory in the stage that is in progress; None between stages.
-    visualizations : F_vis of each variation that has begun.
+    visualizations : of each variation that has begun.
     losses : of the steps since the last point of `curve`.
     curve, choices : as in a model's `training`.
     seconds, processor_seconds : that training has taken, and those of all cores.
     encodings : of the model's tensors, by name; no checkpoint holds them, for the last step chooses them.
     """
 
-    fitted: Fitted
+    fitted: FittedGaussians
     done: int = 0
     loop: LoopMemory | None = None
     visualizations: tuple[Visualization, ...] = ()
@@ -104,7 +104,7 @@ class TrainingState:
         return replace(self, fitted=self.fitted.to(device), visualizations=shown)
 
     def checkpoint(self, fingerprint: str) -> Checkpoint:
-        """What `load` needs, of the run that has this fingerprint."""
+        """The checkpoint that `load` reads, of the run with this fingerprint."""
         parts = {"fitted": self.fitted.tensors()}
         parts |= {f"visualization{i}": v.stored() for i, v in enumerate(self.visualizations)}
         record = {
@@ -122,7 +122,7 @@ class TrainingState:
         tensors, record = checkpoint.tensors, checkpoint.record
         shown = enumerate(record["visualizations"])
         return cls(
-            fitted=Fitted.load(part_of(tensors, "fitted"), record["fitted"]),
+            fitted=FittedGaussians.load(part_of(tensors, "fitted"), record["fitted"]),
             done=record["done"],
             loop=None if record["step"] is None else LoopMemory(record["step"], part_of(tensors, "loop")),
             visualizations=tuple(Visualization.load(part_of(tensors, f"visualization{i}"), v) for i, v in shown),

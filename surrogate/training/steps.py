@@ -20,7 +20,7 @@ from surrogate.training.compression.choices import Choose, choices
 from surrogate.training.compression.color_degree import (
     ASKED_AFTER,
     NAME,
-    NAME_OF_F_VIS,
+    VARIED_NAME,
     choose_color_degree,
     choose_visualized_color_degree,
 )
@@ -28,7 +28,7 @@ from surrogate.training.compression.evaluator import Evaluator
 from surrogate.training.compression.precision import choose_precision, precision_of_visualization
 from surrogate.training.data import TrainingData
 from surrogate.training.loop import StageRun
-from surrogate.training.session import Session
+from surrogate.training.session import TrainingSession
 from surrogate.training.source import Source
 from surrogate.training.stages import Stage, canonical_stage, simulation_stage
 from surrogate.training.state import TrainingState
@@ -49,7 +49,7 @@ class Optimize:
     before: int
     until: int
 
-    def __call__(self, state: TrainingState, session: Session) -> TrainingState:
+    def __call__(self, state: TrainingState, session: TrainingSession) -> TrainingState:
         state = state.copy()
         run = StageRun(self.stage(state), session.settings, self.data(), state.loop)
         losses, curve, interval = list(state.losses), list(state.curve), session.settings.validation_interval
@@ -85,7 +85,7 @@ class Decide:
     step: int
     steps: int | None = None
 
-    def __call__(self, state: TrainingState, session: Session) -> TrainingState:
+    def __call__(self, state: TrainingState, session: TrainingSession) -> TrainingState:
         session.report(self.stage, self.step, curve=state.curve, steps=self.steps)
         session.save(state)
         return self.choose(state)
@@ -158,7 +158,7 @@ def _of_variation(
         return images().with_base(base, len(variation.space)) if refined else images()
 
     return [
-        Decide(color_degree, NAME_OF_F_VIS, before),
+        Decide(color_degree, VARIED_NAME, before),
         Optimize(stage, learnt, before, settings.visualization_steps),
     ]
 

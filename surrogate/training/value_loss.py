@@ -1,4 +1,4 @@
-"""What values Gaussians blend to at given places, and how far that is from what the hook saw there: a loss that needs no picture.
+"""A loss without pictures: the difference of Gaussians' blended values from those that the hook sampled at the same places.
 
 The C++ kernel is tested against its readable twin, `blended_values_reference`.
 """

@@ -1,10 +1,9 @@
-"""Stage 3, F_vis: Gaussians follow the visualization parameters.
+"""Stage 3: visualization deformations, by which Gaussians follow the visualization parameters.
 
-Gaussians that carry values are refined, with F_sim, on pictures under all transfer functions; in all other cases those of the base
-stay what they are bit for bit.  There a transfer function changes only their opacities and colours.  With other fields everything
-moves, and a copy of F_sim is tuned together with F_vis.  Surfaces have nothing in common with a volume: isovalues have Gaussians of
-their own, which start on points of the surfaces, learn what all have in common, then move with all parameters, and know the light
-on them.
+Gaussians that carry values are refined, with the simulation deformation, on pictures under all transfer functions.  In all other
+cases those of the base stay as they are bit for bit.  There a transfer function changes only opacities and colours.  With other
+fields everything moves, and a copy of the simulation deformation is tuned as well.  Isovalues have Gaussians of their own, which
+start on points of the surfaces, learn what all have in common, then move with all parameters, and know the light on them.
 """
 
 from __future__ import annotations
@@ -46,7 +45,7 @@ def new_visualization(
     source: Source,
     color_degree: int = 0,
 ) -> Visualization:
-    """An F_vis that changes nothing yet, on the Gaussians and F_sim as stage 2 left them.
+    """A visualization deformation that changes nothing yet, on the result of stage 2.
 
     It will show Gaussians of `color_degree`, or of their own degree where that is higher.
     """
@@ -64,7 +63,10 @@ def shared_visualization(
     color_degree: int = 0,
 ) -> Visualization:
     """A visualization deformation that changes nothing yet, of the base's Gaussians, whatever the variation shows."""
-    settings, edits = source.settings, variation.edits_base  # F_sim is frozen where the base is edited
+    settings, edits = (
+        source.settings,
+        variation.edits_base,
+    )  # the simulation deformation is frozen where the base is edited
     if edits and isinstance(gaussians, FieldGaussians):
         return Visualization(variation, None)
     gaussians = gaussians.drawn()
@@ -83,7 +85,7 @@ def shared_visualization(
 
 
 def _of_surfaces(lighting: Lighting, variation: Variation, source: Source) -> Visualization:
-    """An F_vis of lit surfaces, on Gaussians of its own."""
+    """A visualization deformation of lit surfaces, on Gaussians of its own."""
     settings = source.settings
     own = source.gaussians_on_surfaces(variation)
     parameters = len(source.catalog.plan.space) + len(variation.space)
@@ -92,7 +94,7 @@ def _of_surfaces(lighting: Lighting, variation: Variation, source: Source) -> Vi
 
 
 def _applied_functions(gaussians: Gaussians, variation: Variation, source: Source) -> ValuesDeformation:
-    """An F_vis that applies transfer functions, from the base appearance and the field's histogram."""
+    """A visualization deformation that applies transfer functions, from the base appearance and the field's histogram."""
     base = next(a for a in source.catalog.plan.appearances if a.name == variation.base)
     if not isinstance(base, VolumeRendering):
         raise ValueError(f"appearance {base.name} has no transfer function that could be varied")
@@ -102,7 +104,7 @@ def _applied_functions(gaussians: Gaussians, variation: Variation, source: Sourc
 
 
 def in_common(visualization: Visualization, settings: TrainingSettings, data: TrainingData) -> Visualization:
-    """A new F_vis whose own Gaussians, where it has some, look as much like all members and settings as unmoved ones can."""
+    """A new one whose own Gaussians, where it has some, look as much like all members and settings as unmoved ones can."""
     if visualization.gaussians is None:
         return visualization
     own = replace(visualization.gaussians.copy(), lighting=visualization.lighting)
@@ -114,7 +116,7 @@ def in_common(visualization: Visualization, settings: TrainingSettings, data: Tr
 def visualization_stage(
     gaussians: AnyGaussians, simulation: Deformation, visualization: Visualization, settings: TrainingSettings
 ) -> Stage:
-    """Optimize `visualization` in place: F_vis and its own Gaussians or, at a reduced rate, its own copy of F_sim."""
+    """Optimize `visualization` in place: its deformation and, if any, its own Gaussians or copy of the simulation deformation."""
     if visualization.gaussians is not None:
         return _surface_stage(gaussians, simulation, visualization, settings)
     of_vis, tuned = visualization.deformation, visualization.simulation
@@ -134,7 +136,7 @@ def visualization_stage(
         if tuned is not None:
             return visualization.simulated(gaussians, simulation, alone)
         place = tuple(alone.tolist())
-        if place not in known:  # F_sim is frozen: a member's Gaussians are always the same
+        if place not in known:  # a member's Gaussians are always the same
             known[place] = visualization.simulated(gaussians, simulation, alone)
         return known[place]
 
@@ -157,7 +159,7 @@ def visualization_stage(
 def refinement_stage(
     gaussians: AnyGaussians, simulation: Deformation, visualization: Visualization, settings: TrainingSettings
 ) -> Stage:
-    """Optimize `gaussians` that carry values, and F_sim, in place on pictures under all transfer functions that training shows."""
+    """Optimize `gaussians` that carry values, and their deformation, in place on pictures under all trained transfer functions."""
     assert isinstance(gaussians, FieldGaussians)
     before, base = simulation_stage(gaussians, simulation, settings), gaussians.field.base
     count = len(visualization.variation.space)

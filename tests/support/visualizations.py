@@ -13,7 +13,7 @@ from surrogate.deformation.visualization import Visualization
 from surrogate.gaussians import Gaussians, Normalization
 from surrogate.rasterizer import Rasterizer
 from surrogate.settings import TrainingSettings
-from surrogate.training.state import Fitted
+from surrogate.training.state import FittedGaussians
 from tests.support.field_blobs import BLOBS, FUNCTION, FUNCTIONS, ISOVALUE, STEPS
 
 SMALL = TrainingSettings(latent_size=4, hidden_width=8)
@@ -32,24 +32,24 @@ def bilinear(gaussians: Gaussians, parameters: int, color_columns: int = 3) -> B
     return replace(made, latents=4.0 * made.latents)
 
 
-def base(color_degree: int = 0) -> Fitted:
+def base(color_degree: int = 0) -> FittedGaussians:
     gaussians = BLOBS.gaussians(0.5).with_color_degree(color_degree)
     gaussians.colors[:, 3:] = 0.1
-    return Fitted(gaussians, shaken(bilinear(gaussians, 1)))
+    return FittedGaussians(gaussians, shaken(bilinear(gaussians, 1)))
 
 
-def of_functions(fitted: Fitted, color_degree: int = 0) -> Visualization:
+def of_functions(fitted: FittedGaussians, color_degree: int = 0) -> Visualization:
     values = ValuesDeformation.create(fitted.gaussians, FUNCTION, np.linspace(0, 3, 8), STEPS.tolist())
     return Visualization(FUNCTIONS, shaken(values), None, color_degree)
 
 
-def of_isovalue(fitted: Fitted, color_degree: int = 0) -> Visualization:
+def of_isovalue(fitted: FittedGaussians, color_degree: int = 0) -> Visualization:
     wide = fitted.gaussians.with_color_degree(color_degree)
     of_vis = shaken(bilinear(wide, 2, wide.colors.shape[1]))
     return Visualization(ISOVALUE, of_vis, shaken(fitted.deformation, seed=6), color_degree)
 
 
-def surrogate(fitted: Fitted, *visualizations: Visualization) -> Surrogate:
+def surrogate(fitted: FittedGaussians, *visualizations: Visualization) -> Surrogate:
     return Surrogate(
         *fitted, BLOBS.space, Normalization.of_box(BLOBS.bounds), Rasterizer(), visualizations=visualizations
     )

@@ -54,11 +54,9 @@ def test_surfaces_are_trained_with_four_samples_a_pixel_and_volumes_with_one() -
     assert Rasterizer.of(TrainingSettings(samples=2, surface_samples=1)) == Rasterizer(samples=2, surface_samples=1)
 
 
-def test_models_of_earlier_versions_had_one_sample() -> None:
-    now = Rasterizer(samples=2, surface_samples=3)
-    assert Rasterizer.from_json(now.to_json()) == now
-    earlier = {name: value for name, value in now.to_json().items() if "samples" not in name}
-    assert Rasterizer.from_json(earlier) == Rasterizer()
+def test_samples_are_stored() -> None:
+    rasterizer = Rasterizer(samples=2, surface_samples=3)
+    assert Rasterizer.from_json(rasterizer.to_json()) == rasterizer
 
 
 @pytest.mark.parametrize("number", [0, 5, -1, 10**9, 2.0, True, "2", None])

@@ -17,7 +17,7 @@ from catalogs.vocabulary.words import WIDTH
 from surrogate.deformation import Offsets
 from surrogate.deformation.transfer import Transfer
 from surrogate.initialization.field_points import FieldPoints
-from surrogate.initialization.pictures import Picture, Points
+from surrogate.initialization.pictures import Picture, StartPoints
 from surrogate.initialization.structure_from_motion import Track
 from surrogate.model.places import place_of
 from surrogate.rasterizer import primitives
@@ -47,7 +47,10 @@ POINTS = FieldPoints(
 SHOWN: list[tuple[Any, str]] = [
     (MODEL, "<Surrogate of Re 1500..2500"),
     (MODEL.at(Re=1830.0, time=1.0), "<DeformedGaussians at Re=1830"),
-    (place_of(MODEL.space, (), {"Re": 1830.0, "time": 1.0}, "warn"), "Place(parameters={2 entries}, simulation[2]"),
+    (
+        place_of(MODEL.space, (), {"Re": 1830.0, "time": 1.0}, "warn"),
+        "ParameterPoint(parameters={2 entries}, simulation[2]",
+    ),
     (MODEL.gaussians, "Gaussians(means[30, 3], log_scales[30, 3], quats[30, 4], opacity_logits[30], colors[30, 3]"),
     (MODEL.normalization, "extent=40.0"),
     (MODEL.rasterizer, "backend='reference'"),
@@ -61,7 +64,7 @@ SHOWN: list[tuple[Any, str]] = [
     (draw(DRAWN, CAMERA, Constants()), "Rendering(color[20, 24, 3], alpha[20, 24], depth=None)"),
     (KernelFunction("sum", "twin", sum, lambda arrays, by: (by, by)), "KernelFunction(name='sum', reference='twin'"),
     (reference.project(DRAWN, CAMERA, Constants()), "Splats(centers["),
-    (Points(np.zeros((7, 3)), None), "Points(places[7, 3], colors=None, values=None)"),
+    (StartPoints(np.zeros((7, 3)), None), "StartPoints(places[7, 3], colors=None, values=None)"),
     (POINTS, "<FieldPoints: 7 of 1 members, 7 of them evenly>"),
     (Picture(CAMERA, np.zeros((20, 24, 4), np.uint8)), "Picture(camera="),
     (Track(CENTER, np.zeros((4, 3), np.intp)), "Track(place[3], pixels[4, 3])"),

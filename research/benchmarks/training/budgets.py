@@ -14,7 +14,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from research.benchmarks.page import command_line
-from surrogate.training.begin import Asked, begin
+from surrogate.training.begin import TrainingOptions, begin
 from surrogate.training.budget import Budget
 from surrogate.training.run import train
 
@@ -24,7 +24,7 @@ def row(catalog: Path, minutes: float, gaussians: int | None, hold_out: float | 
     started = time.perf_counter()
     with tempfile.TemporaryDirectory() as folder:
         settings = {} if gaussians is None else {"gaussians": gaussians}
-        request = Asked(Budget(minutes=minutes), hold_out, settings)
+        request = TrainingOptions(Budget(minutes=minutes), hold_out, settings)
         run = begin(catalog, Path(folder) / "run", request, elapsed=lambda: time.perf_counter() - started)
         surrogate = train(run.settings, run.catalog, run.model)
     taken, steps = (time.perf_counter() - started) / 60.0, surrogate.training["steps"]

@@ -19,7 +19,7 @@ from catalogs.vocabulary.cameras import Camera
 from research.studies.baselines.method import TrainingImages
 from research.studies.baselines.spherical_harmonics import C0, harmonics
 from research.studies.baselines.spherical_harmonics import COUNT as BASIS
-from surrogate.initialization.pictures import Points
+from surrogate.initialization.pictures import StartPoints
 from surrogate.initialization.start import initial_gaussians
 from surrogate.randomness import generator
 from surrogate.settings import TrainingSettings
@@ -128,7 +128,7 @@ def initial(pictures: TrainingImages, seed: int, count: int) -> HarmonicGaussian
     points = None
     if pictures.points is not None and len(pictures.points):
         colors = None if pictures.point_colors is None else _float64(pictures.point_colors)
-        points = Points(_float64(pictures.points), colors)
+        points = StartPoints(_float64(pictures.points), colors)
     some = [example(pictures, picture) for picture in range(0, len(pictures), max(1, len(pictures) // COLOR_SAMPLES))]
     settings, color = TrainingSettings(gaussians=count, seed=seed), foreground_color(some, pictures.background)
     start = initial_gaussians(settings, _float64(pictures.box), points, color)

@@ -28,7 +28,7 @@ from surrogate.model import Surrogate
 from surrogate.splatting.threads import one_torch_thread, torch_threads
 from surrogate.storage.checkpoints import CHECKPOINT
 from surrogate.storage.tensors import read_tensors, tensors_of
-from surrogate.training.begin import Asked, begin
+from surrogate.training.begin import TrainingOptions, begin
 from surrogate.training.budget import Budget
 from surrogate.training.run import train
 
@@ -168,7 +168,12 @@ class OurSurrogate:
 
         settings = {"seed": plan.seed, "validation_images": WATCHED, "device": session.device}
         budget = Budget(steps=plan.steps) if seconds is None or self.steps_of else Budget(minutes=seconds / 60.0)
-        run = begin(task.catalog.path, emptied(session.work) / "run", Asked(budget, settings=settings), elapsed=elapsed)
+        run = begin(
+            task.catalog.path,
+            emptied(session.work) / "run",
+            TrainingOptions(budget, settings=settings),
+            elapsed=elapsed,
+        )
         planned = elapsed()
         surrogate = train(
             run.settings, run.catalog, run.model, progress=lambda now: session.report(now.stage, now.step, now.steps)

@@ -1,4 +1,4 @@
-"""What was chosen, from which options, and what it cost or saved."""
+"""Choices of compression with their options, costs and savings."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ class Option:
 
 
 @dataclass(frozen=True)
-class Measured:
+class MeasuredModel:
     """A model at one moment: mean PSNR over validation images, 10^6 bytes of tensors, milliseconds to deform and draw."""
 
     psnr: float
@@ -25,10 +25,10 @@ class Measured:
 
 @dataclass(frozen=True)
 class Choice:
-    """What was to be chosen, what was kept (in words), what was tried in order, and the model before and after."""
+    """A choice: its name, its result in words, the options in the order of trial, and the model before and after."""
 
     name: str
     kept: str
     options: Sequence[Option] = ()
-    before: Measured | None = None
-    after: Measured | None = None
+    before: MeasuredModel | None = None
+    after: MeasuredModel | None = None

@@ -1,4 +1,4 @@
-"""What is taken from Gaussians and F_sim after stage 2, one choice after the other."""
+"""Compression of the Gaussians and the simulation deformation after stage 2, one choice after the other."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from surrogate.training.compression.choice import Choice, Option
 from surrogate.training.compression.evaluator import Evaluator
 from surrogate.training.data import Example
 from surrogate.training.ranks import ALONE, Ranks
-from surrogate.training.state import Fitted
+from surrogate.training.state import FittedGaussians
 
 HOPELESS = 1.0  # dB: an attribute that costs more at once is not tried with fine-tuning
 MODES_TRIES, MODES_SHRINK = 2, 0.7  # fine-tunings, and which part of the modes each is tried with
@@ -24,7 +24,7 @@ ROUNDS = 3  # at most, of each
 WORTHWHILE = 0.01  # of the Gaussians: no round removes fewer
 SAID = {"log_scales": "scales", "quats": "rotations", "opacity_logits": "opacities", "colors": "colours"}
 
-Choose = Callable[[Fitted, Evaluator], tuple[Fitted, Choice]]
+Choose = Callable[[FittedGaussians, Evaluator], tuple[FittedGaussians, Choice]]
 
 
 def choices(varied: bool) -> tuple[Choose, ...]:
@@ -39,15 +39,15 @@ def choices(varied: bool) -> tuple[Choose, ...]:
 class Search:
     """A choice in progress: what was tried, and the `current` model, the smallest so far that costs no more than the tolerance."""
 
-    def __init__(self, fitted: Fitted, evaluator: Evaluator, name: str) -> None:
+    def __init__(self, fitted: FittedGaussians, evaluator: Evaluator, name: str) -> None:
         """Begin with a model, which `name` describes among the options."""
         self.current, self.before = fitted, evaluator.measure(fitted)
         self.enough = self.before.psnr - evaluator.tolerance
         self.options = [Option(name, self.before.psnr)]
         self._evaluator = evaluator
 
-    def accepts(self, trial: Fitted, name: str, turn: int) -> bool:
-        """Whether a model is good enough, fine-tuned if need be; if so, it becomes the current one."""
+    def accepts(self, trial: FittedGaussians, name: str, turn: int) -> bool:
+        """True where a model is good enough, fine-tuned if need be; it then becomes the current one."""
         psnr = self._evaluator.psnr(trial)
         if psnr < self.enough:
             trial, name = self._evaluator.fine_tuned(trial, turn), f"{name}, after a recovery"
@@ -57,14 +57,14 @@ class Search:
             self.current = trial
         return psnr >= self.enough
 
-    def made(self, name: str, kept: str) -> tuple[Fitted, Choice]:
-        """What the choice called `name` ends with, `kept` in words."""
+    def made(self, name: str, kept: str) -> tuple[FittedGaussians, Choice]:
+        """The end of the choice called `name`, with its result `kept` in words."""
         after = self._evaluator.measure(self.current)
         return self.current, Choice(name, kept, self.options, self.before, after)
 
 
-def choose_fine_tuning(fitted: Fitted, evaluator: Evaluator) -> tuple[Fitted, Choice]:
-    """Whether the model as stage 2 left it is fine-tuned, as all that loses something will be."""
+def choose_fine_tuning(fitted: FittedGaussians, evaluator: Evaluator) -> tuple[FittedGaussians, Choice]:
+    """True where the model as stage 2 left it is fine-tuned, as all that loses something will be."""
     before = evaluator.measure(fitted)
     trial = evaluator.fine_tuned(fitted, -1)
     psnr = evaluator.psnr(trial)
@@ -75,7 +75,7 @@ def choose_fine_tuning(fitted: Fitted, evaluator: Evaluator) -> tuple[Fitted, Ch
     return current, Choice("steps at low rates", options[kept].name, options, before, after)
 
 
-def choose_attributes(fitted: Fitted, evaluator: Evaluator) -> tuple[Fitted, Choice]:
+def choose_attributes(fitted: FittedGaussians, evaluator: Evaluator) -> tuple[FittedGaussians, Choice]:
     """Hold still every attribute that is not worth moving, one after the other, the least missed first."""
     search = Search(fitted, evaluator, "all")
     alone = {
@@ -95,14 +95,14 @@ def choose_attributes(fitted: Fitted, evaluator: Evaluator) -> tuple[Fitted, Cho
     return search.made("attributes that deform", moving or "none")
 
 
-def choose_modes(fitted: Fitted, evaluator: Evaluator) -> tuple[Fitted, Choice]:
+def choose_modes(fitted: FittedGaussians, evaluator: Evaluator) -> tuple[FittedGaussians, Choice]:
     """As few modes of deformation as will do, the most effective ones first; fewer still where fine-tuning makes up for them."""
     full = fitted.deformation.latent_size
     search = Search(fitted, evaluator, str(full))
     places = list({tuple(e.parameters.tolist()): e.parameters for e in evaluator.data.examples}.values())  # [P] each
 
-    def cut(size: int) -> Fitted:
-        return Fitted(fitted.gaussians, fitted.deformation.reduced(size, places))
+    def cut(size: int) -> FittedGaussians:
+        return FittedGaussians(fitted.gaussians, fitted.deformation.reduced(size, places))
 
     count = least(1, full, lambda size: evaluator.psnr(cut(size)) >= search.enough)
     if count < full:
@@ -115,7 +115,7 @@ def choose_modes(fitted: Fitted, evaluator: Evaluator) -> tuple[Fitted, Choice]:
     return search.made("modes of deformation", str(count))
 
 
-def choose_gaussians(fitted: Fitted, evaluator: Evaluator) -> tuple[Fitted, Choice]:
+def choose_gaussians(fitted: FittedGaussians, evaluator: Evaluator) -> tuple[FittedGaussians, Choice]:
     """Remove the least important Gaussians, in rounds, as long as fine-tuning makes up for them."""
     search = Search(fitted, evaluator, f"{len(fitted.gaussians):,}")
     for allowance in ALLOWANCES:
@@ -128,14 +128,14 @@ def choose_gaussians(fitted: Fitted, evaluator: Evaluator) -> tuple[Fitted, Choi
     return search.made("Gaussians", f"{len(search.current.gaussians):,}")
 
 
-def _pruned(fitted: Fitted, evaluator: Evaluator, enough: float) -> Fitted:
+def _pruned(fitted: FittedGaussians, evaluator: Evaluator, enough: float) -> FittedGaussians:
     """The most important Gaussians, as few as reach `enough` dB at once."""
     examples = evaluator.data.examples
     some, ranks = examples[:: max(1, len(examples) // WEIGHED)], evaluator.data.ranks
     weights = importance(fitted.at, some, evaluator.rasterizer, ranks)
     order = torch.argsort(weights, descending=True, stable=True)  # [N]
 
-    def kept(count: int) -> Fitted:
+    def kept(count: int) -> FittedGaussians:
         return fitted.of(order[:count].sort().values)
 
     return kept(least(1, len(order), lambda count: evaluator.psnr(kept(count)) >= enough))

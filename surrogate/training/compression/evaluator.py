@@ -1,4 +1,4 @@
-"""How good a model is while choices are made about it, and what it becomes after a few more steps."""
+"""Scores of models while choices are made about them, and models after a few more steps."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from surrogate.evaluation.metrics import WHITE
 from surrogate.gaussians import Gaussians
 from surrogate.rasterizer import Rasterizer
 from surrogate.settings import TrainingSettings
-from surrogate.training.compression.choice import Measured
+from surrogate.training.compression.choice import MeasuredModel
 from surrogate.training.data import Example, TrainingData
 from surrogate.training.loop import StageRun, mean_psnr
 from surrogate.training.stages import FINAL_FACTOR, simulation_stage
-from surrogate.training.state import Fitted
+from surrogate.training.state import FittedGaussians
 
 TIMED = 8  # pictures
 RECOVERY_RATE = 0.05  # of stage 2's rates, with which a fine-tuning begins
@@ -35,14 +35,14 @@ class Evaluator:
 
     @property
     def tolerance(self) -> float:
-        """What a choice may cost, in dB."""
+        """The loss in dB that a choice may cause."""
         return self.settings.need_tolerance
 
     def steps(self, fraction: float) -> int:
         """A part of the steps of stages 1 and 2, at least one."""
         return max(1, round(fraction * (self.settings.canonical_steps + self.settings.deformation_steps)))
 
-    def psnr(self, fitted: Fitted) -> float:
+    def psnr(self, fitted: FittedGaussians) -> float:
         """Mean over the validation images, in dB."""
         return self.psnr_of(fitted.at)
 
@@ -51,26 +51,28 @@ class Evaluator:
         data = self.data
         return mean_psnr(gaussians_at, data.validation, self.rasterizer, data.background or WHITE, data.ranks)
 
-    def measure(self, fitted: Fitted, psnr: float | None = None, megabytes: float | None = None) -> Measured:
+    def measure(
+        self, fitted: FittedGaussians, psnr: float | None = None, megabytes: float | None = None
+    ) -> MeasuredModel:
         """Quality, size and speed of a model."""
         every = self.data.validation
         some = every[:: max(1, len(every) // TIMED)][:TIMED]
-        return Measured(
+        return MeasuredModel(
             self.psnr(fitted) if psnr is None else psnr,
             fitted.megabytes if megabytes is None else megabytes,
             statistics.median(self._milliseconds(fitted, example) for example in some),
         )
 
-    def fine_tuned(self, fitted: Fitted, turn: int) -> Fitted:
+    def fine_tuned(self, fitted: FittedGaussians, turn: int) -> FittedGaussians:
         """A copy after a few more steps at low rates; `turn` decides on which images."""
         steps = self.steps(RECOVERY_FRACTION)
         return self._trained(fitted, steps, turn, RECOVERY_RATE, RECOVERY_DECAY)
 
-    def settled(self, fitted: Fitted, steps: int) -> Fitted:
-        """A copy whose training was brought to an early end: in so many steps its rates decay as stage 2 lets them."""
+    def settled(self, fitted: FittedGaussians, steps: int) -> FittedGaussians:
+        """A copy whose training was brought to an early end: in `steps` its rates decay as those of stage 2 do."""
         return self._trained(fitted, steps, 0, 1.0, FINAL_FACTOR)
 
-    def _trained(self, fitted: Fitted, steps: int, turn: int, start: float, decay: float) -> Fitted:
+    def _trained(self, fitted: FittedGaussians, steps: int, turn: int, start: float, decay: float) -> FittedGaussians:
         settings = self.settings.changed(
             seed=self.settings.seed + 1 + turn,
             deformation_steps=steps,
@@ -85,10 +87,10 @@ class Evaluator:
 
     @property
     def rasterizer(self) -> Rasterizer:
-        """What draws a model where it is, on a GPU or in main memory."""
+        """The rasterizer that draws a model where it is, on a GPU or in main memory."""
         return Rasterizer.of(self.settings).for_any_device()
 
-    def _milliseconds(self, fitted: Fitted, example: Example) -> float:
+    def _milliseconds(self, fitted: FittedGaussians, example: Example) -> float:
         with torch.no_grad():
             started = time.perf_counter()
             self.rasterizer.draw(fitted.at(example.parameters), example.camera).color.cpu()  # which waits for a GPU

@@ -13,7 +13,7 @@ from surrogate.deformation.visualization import Visualization
 from surrogate.storage.encoding import FORMATS, Encoding, encode
 from surrogate.training.compression.choice import Choice, Option
 from surrogate.training.compression.evaluator import Evaluator
-from surrogate.training.state import Fitted
+from surrogate.training.state import FittedGaussians
 
 Model = TypeVar("Model")
 
@@ -21,7 +21,9 @@ NAME = "precision"
 FEWEST_ROWS = 8  # with which 8 bits, and two float32 numbers per column, take no more bytes than half precision
 
 
-def choose_precision(fitted: Fitted, evaluator: Evaluator) -> tuple[Fitted, dict[str, Encoding], Choice]:
+def choose_precision(
+    fitted: FittedGaussians, evaluator: Evaluator
+) -> tuple[FittedGaussians, dict[str, Encoding], Choice]:
     """Store every tensor in the fewest bits that keep the whole loss within the tolerance; the largest tensors come first.
 
     Returns the model as it will be read again, the encodings by tensor, and the choice.
@@ -29,8 +31,8 @@ def choose_precision(fitted: Fitted, evaluator: Evaluator) -> tuple[Fitted, dict
     fitted = fitted.to(torch.device("cpu"))  # where models are stored and read
     before = evaluator.measure(fitted)
 
-    def load(tensors: Mapping[str, Tensor]) -> Fitted:
-        return Fitted.load(tensors, fitted.record())
+    def load(tensors: Mapping[str, Tensor]) -> FittedGaussians:
+        return FittedGaussians.load(tensors, fitted.record())
 
     current, chosen, choice = _in_fewest_bits(
         NAME, fitted.tensors(), load, evaluator.psnr, before.psnr, evaluator.tolerance
@@ -41,9 +43,9 @@ def choose_precision(fitted: Fitted, evaluator: Evaluator) -> tuple[Fitted, dict
 
 
 def precision_of_visualization(
-    visualization: Visualization, fitted: Fitted, evaluator: Evaluator
+    visualization: Visualization, fitted: FittedGaussians, evaluator: Evaluator
 ) -> tuple[Visualization, dict[str, Encoding], Choice]:
-    """The same for F_vis and its copy of F_sim, on validation images of the variation; `fitted` is stored already."""
+    """The same for the deformations of a visualization, on validation images of the variation; `fitted` is stored already."""
 
     def psnr(trial: Visualization) -> float:
         return evaluator.psnr_of(lambda parameters: trial.gaussians_at(*fitted, parameters))

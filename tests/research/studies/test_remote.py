@@ -30,7 +30,7 @@ from surrogate.report.seeds import Scores
 from surrogate.settings import TrainingSettings
 from surrogate.splatting.threads import cores
 from surrogate.storage.checkpoints import CHECKPOINT
-from surrogate.training.begin import Asked, begin
+from surrogate.training.begin import TrainingOptions, begin
 from surrogate.training.budget import Budget
 from surrogate.training.run import train
 from tests.research.support.mean_pictures import mean_method
@@ -103,7 +103,7 @@ def workers(tmp_path_factory: pytest.TempPathFactory) -> Iterator[LocalCluster]:
 def run(make_catalog: MakeCatalog, tmp_path: Path) -> Path:
     """A run's folder, with nothing trained."""
     catalog = make_catalog(Blobs(count=3, size=16), members=MEMBERS)
-    return begin(catalog.path, tmp_path / "run", Asked(Budget(steps=40), settings={"gaussians": 30})).folder
+    return begin(catalog.path, tmp_path / "run", TrainingOptions(Budget(steps=40), settings={"gaussians": 30})).folder
 
 
 def invoked(*words: str) -> str:

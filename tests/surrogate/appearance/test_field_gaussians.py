@@ -22,7 +22,7 @@ from surrogate.gaussians import Normalization
 from surrogate.model.rigid import in_camera
 from surrogate.rasterizer import primitives
 from surrogate.settings import TrainingSettings
-from surrogate.training.state import Fitted
+from surrogate.training.state import FittedGaussians
 from tests.support.field_blobs import BLOBS, FUNCTION, FUNCTIONS
 from tests.support.visualizations import shaken, surrogate
 
@@ -48,9 +48,9 @@ def carried(p: float = 0.4, spread: float = LEAST_SPREAD) -> FieldGaussians:
     return FieldGaussians(plain.means, plain.log_scales, plain.quats, logits, values, FieldValues(FUNCTION, scale))
 
 
-def fitted() -> Fitted:
+def fitted() -> FittedGaussians:
     gaussians = carried()
-    return Fitted(
+    return FittedGaussians(
         gaussians, shaken(BilinearDeformation.create(gaussians, 1, TrainingSettings(latent_size=4, hidden_width=8)))
     )
 

@@ -244,7 +244,7 @@ def test_it_is_a_deformation_like_others() -> None:
     assert deformation.reduced(2, []) is deformation
     assert deformation.without("means") is deformation
     assert [deformation.moves(name) for name in NAMES] == [False, False, False, True, True]
-    with pytest.raises(ValueError, match="opacity_logits can't hold still"):
+    with pytest.raises(ValueError, match="opacity_logits can't be frozen"):
         deformation.without("opacity_logits")
 
 

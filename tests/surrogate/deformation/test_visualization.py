@@ -15,7 +15,7 @@ from surrogate.deformation.visualization import Visualization
 from surrogate.gaussians import NAMES, Gaussians, Normalization
 from surrogate.rasterizer import Rasterizer
 from surrogate.storage.encoding import encode
-from surrogate.training.state import Fitted
+from surrogate.training.state import FittedGaussians
 from tests.support.comparing import same
 from tests.support.field_blobs import BLOBS, FUNCTION, FUNCTIONS
 from tests.support.visualizations import SMALL, base, of_functions, of_isovalue, shaken, surrogate
@@ -26,9 +26,9 @@ AT_BASE, ELSEWHERE = [0.0] * 4, [0.5, -1.0, 0.25, 1.0]
 
 def encoded(model: Surrogate) -> Surrogate:
     """All of it in few bits, as `choose_precision` stores it."""
-    fitted = Fitted(model.gaussians, model.deformation)
+    fitted = FittedGaussians(model.gaussians, model.deformation)
     encodings = {name: encode(tensor, "uint8") for name, tensor in fitted.tensors().items()}
-    fitted = Fitted.load({name: encoding.decoded() for name, encoding in encodings.items()}, fitted.record())
+    fitted = FittedGaussians.load({name: encoding.decoded() for name, encoding in encodings.items()}, fitted.record())
     shown = []
     for i, visual in enumerate(model.visualizations):
         codes = {name: encode(tensor, "uint8") for name, tensor in visual.stored().items()}

@@ -7,7 +7,7 @@ from catalogs.store.catalog import Catalog, CatalogPlan
 from catalogs.store.summary import FieldSummary
 from catalogs.vocabulary.appearance import ImportedImages, TransferFunction, VolumeRendering
 from surrogate.gaussians import Normalization
-from surrogate.initialization.pictures import Points
+from surrogate.initialization.pictures import StartPoints
 from surrogate.initialization.start import initial_gaussians, initial_points
 from surrogate.settings import TrainingSettings
 from tests.support.blobs import Blobs
@@ -59,7 +59,7 @@ def test_random_gaussians_fill_the_box_and_touch() -> None:
 @pytest.mark.parametrize("count", [30, 5000])
 def test_gaussians_start_on_the_points_with_their_colours(count: int) -> None:
     random = np.random.default_rng(3)
-    points = Points(random.normal([0.5, 0.2, 0.0], 0.01, (200, 3)), np.tile([1.0, 0.0, 0.25], (200, 1)))
+    points = StartPoints(random.normal([0.5, 0.2, 0.0], 0.01, (200, 3)), np.tile([1.0, 0.0, 0.25], (200, 1)))
     gaussians = initial_gaussians(TrainingSettings(gaussians=count, color_degree=1), BOX, points, GREY)
     spacing = (1.0 / count) ** (1 / 3)
     assert np.abs(gaussians.means.numpy() - [0.5, 0.2, 0.0]).max() < 0.05 + 1.5 * spacing

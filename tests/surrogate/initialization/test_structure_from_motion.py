@@ -9,7 +9,7 @@ from catalogs.store.catalog import Catalog
 from catalogs.vocabulary.cameras import Camera
 from surrogate.gaussians import Normalization
 from surrogate.initialization import structure_from_motion as module
-from surrogate.initialization.pictures import Points
+from surrogate.initialization.pictures import StartPoints
 from surrogate.initialization.structure_from_motion import (
     neighbours,
     structure_from_motion_points,
@@ -21,13 +21,13 @@ BALL = Ball(radius=80.0, center=(505.0, -297.0, 101.0), size=160)
 PIXEL = 2.0 * 5.0 * np.tan(np.radians(16.0)) / BALL.size  # in normalized units, at the middle of the box
 
 
-def structure(catalog: Catalog, seed: int = 0) -> Points:
+def structure(catalog: Catalog, seed: int = 0) -> StartPoints:
     pytest.importorskip("pycolmap")
     normalization = Normalization.of_box(catalog.plan.bounds)
     return structure_from_motion_points(catalog, catalog.member("member-0"), "drawn", normalization, seed=seed)
 
 
-def check_on_surface(points: Points, ball: Ball, least: int) -> None:
+def check_on_surface(points: StartPoints, ball: Ball, least: int) -> None:
     """A feature is located to a small part of a pixel; where neighbours see it askew, to more."""
     places = points.places
     assert len(places) >= least

@@ -153,7 +153,7 @@ def test_the_command_draws_a_field(run: Path, tmp_path: Path) -> None:
 
 def test_an_interrupted_run_ends_where_an_undisturbed_one_does(catalog: Catalog, run: Path, tmp_path: Path) -> None:
     for when in (
-        lambda p: p.stage == "colour degree of F_vis",
+        lambda p: p.stage == "varied colour degree",
         lambda p: p.stage == "field" and p.step >= 17,
         lambda p: p.stage == "field" and p.step == 24,
     ):
@@ -161,7 +161,7 @@ def test_an_interrupted_run_ends_where_an_undisturbed_one_does(catalog: Catalog,
     train(QUICK, catalog, tmp_path / "resumed")
     assert outcome(tmp_path / "resumed") == outcome(run / "surrogate")
     names = [c["name"] for c in Surrogate.load(tmp_path / "resumed").training["choices"]]
-    assert names[-3:] == ["colour degree of F_vis", "precision", "precision, field"]
+    assert names[-3:] == ["varied colour degree", "precision", "precision, field"]
 
 
 def test_the_fields_belong_to_what_a_run_is_recognized_by(catalog: Catalog, tmp_path: Path) -> None:

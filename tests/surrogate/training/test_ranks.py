@@ -229,13 +229,13 @@ import time
 import surrogate.training.budget as budget
 import surrogate.training.pace as pace
 from catalogs.store.catalog import Catalog
-from surrogate.training.begin import Asked, begin
+from surrogate.training.begin import TrainingOptions, begin
 budget.LEAST_SECONDS = pace.LEAST_SECONDS = 0.01
 budget.SPARE = 0.0
 begun = time.perf_counter()
 with launched() as ranks:
     elapsed = lambda: time.perf_counter() - begun + ranks.rank
-    asked = Asked(budget.Budget(minutes=0.25), settings={"batch": 2})
+    asked = TrainingOptions(budget.Budget(minutes=0.25), settings={"batch": 2})
     run = begin(Catalog.open(sys.argv[1]).path, __import__("pathlib").Path(sys.argv[2]), asked, elapsed=elapsed, ranks=ranks)
     print(json.dumps([run.settings.to_json(), run.record.chosen, run.record.made]))
 """

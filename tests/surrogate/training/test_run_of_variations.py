@@ -40,10 +40,10 @@ MOMENTS: dict[str, Callable[[TrainingProgress], bool]] = {
     "stage 2": lambda p: p.step >= 10,
     "compression": lambda p: p.stage == "compression" and p.step == 1,
     "end of compression": lambda p: p.stage == "compression" and p.step == 2,
-    "first degree": lambda p: p.stage == "colour degree of F_vis",
+    "first degree": lambda p: p.stage == "varied colour degree",
     "first variation": lambda p: p.stage == "isovalue" and p.step >= 17,
     "between variations": lambda p: p.stage == "isovalue" and p.step == 24,
-    "second degree": lambda p: p.stage == "colour degree of F_vis" and p.step == 24,
+    "second degree": lambda p: p.stage == "varied colour degree" and p.step == 24,
     "second variation": lambda p: p.stage == "transfer_function" and p.step >= 27,
     "end": lambda p: p.stage == "transfer_function" and p.step == 34,
 }
@@ -122,7 +122,7 @@ def test_a_degree_that_was_chosen_is_not_asked_again(
 
     def choose(_: object, variation: Variation, *__: object) -> tuple[int, Choice]:
         asked.append(variation.kind)
-        return int(variation.kind == "isovalue"), Choice("colour degree of F_vis", "chosen")
+        return int(variation.kind == "isovalue"), Choice("varied colour degree", "chosen")
 
     monkeypatch.setattr("surrogate.training.steps.choose_visualized_color_degree", choose)
     chosen = with_settings(color_degree=0)
@@ -131,7 +131,7 @@ def test_a_degree_that_was_chosen_is_not_asked_again(
     resumed = train(chosen, catalog, tmp_path)
     assert asked == ["isovalue", "transfer_function"]
     assert [v.color_degree for v in resumed.visualizations] == [1, 0]
-    assert [c["name"] for c in resumed.training["choices"]].count("colour degree of F_vis") == 2
+    assert [c["name"] for c in resumed.training["choices"]].count("varied colour degree") == 2
 
 
 def test_ctrl_c_during_the_last_choices_acts_once_they_are_kept(
@@ -165,7 +165,7 @@ def test_stage_3_changes_nothing_of_the_base_bit_for_bit(catalog: Catalog, tmp_p
 def test_what_was_learnt_is_stored_and_read_again(catalog: Catalog, undisturbed: Path) -> None:
     finished, again = Surrogate.load(undisturbed), train(QUICK, catalog, undisturbed)
     names = ["colour degree", "steps at low rates", "attributes that deform", "modes of deformation"]
-    varied = ["colour degree of F_vis", "precision", "precision, isovalue", "precision, transfer function"]
+    varied = ["varied colour degree", "precision", "precision, isovalue", "precision, transfer function"]
     assert [choice["name"] for choice in finished.training["choices"]] == names + varied
     assert {point["stage"] for point in finished.training["curve"]} == {
         "canonical",

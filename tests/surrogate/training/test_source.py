@@ -10,7 +10,7 @@ import torch
 
 from catalogs.store.catalog import Catalog
 from catalogs.vocabulary.parameters import Parameter, ParameterSpace
-from surrogate.initialization.pictures import Points
+from surrogate.initialization.pictures import StartPoints
 from surrogate.settings import TrainingSettings
 from surrogate.training.data import foreground_color
 from surrogate.training.source import DECISION_IMAGES, Source
@@ -86,7 +86,7 @@ def test_a_variation_that_no_training_member_shows_is_named_at_once(tmp_path: Pa
 def test_points_keep_their_places_and_lose_their_colours_under_another_appearance(catalog: Catalog) -> None:
     source = Source(TrainingSettings(gaussians=9, color_degree=0, carried="colors"), catalog)
     colors = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
-    vars(source)["points"] = Points(np.array([[0.5, 0.0, 0.0], [-0.5, 0.0, 0.0]]), colors)
+    vars(source)["points"] = StartPoints(np.array([[0.5, 0.0, 0.0], [-0.5, 0.0, 0.0]]), colors)
     data = source.data()
     own, other = source.initial_gaussians(data), source.initial_gaussians(data, own_colors=False)
     assert {tuple(color) for color in own.colors.tolist()} == {tuple(color) for color in colors.tolist()}

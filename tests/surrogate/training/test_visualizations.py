@@ -21,7 +21,7 @@ from surrogate.settings import TrainingSettings
 from surrogate.training.data import Example, TrainingData
 from surrogate.training.loop import StageRun
 from surrogate.training.source import Source
-from surrogate.training.state import Fitted
+from surrogate.training.state import FittedGaussians
 from surrogate.training.visualizations import (
     in_common,
     new_visualization,
@@ -46,7 +46,7 @@ def source(catalog: Catalog, **settings: object) -> Source:
     return Source(TrainingSettings.from_table(SETTINGS.to_json() | settings), catalog)
 
 
-def bits(fitted: Fitted) -> list[bytes]:
+def bits(fitted: FittedGaussians) -> list[bytes]:
     return [tensor.detach().numpy().tobytes() for tensor in fitted.tensors().values()]
 
 
@@ -170,7 +170,7 @@ def test_values_that_are_wrong_at_first_are_learnt(catalog: Catalog, monkeypatch
     monkeypatch.setattr(of_values, "VALUE_RATE", 0.03)
     given = source(catalog, visualization_steps=150)
     truth = BLOBS.shown(0.5, given.catalog.plan.appearances[0])
-    fitted = Fitted(truth, BilinearDeformation.create(truth, 1, SETTINGS))
+    fitted = FittedGaussians(truth, BilinearDeformation.create(truth, 1, SETTINGS))
     visual = new_visualization(*fitted, FUNCTIONS, given)
     assert isinstance(visual.deformation, ValuesDeformation)
     visual.deformation.weights.mul_(0.3).add_(0.02)

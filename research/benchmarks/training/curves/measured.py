@@ -11,7 +11,7 @@ from typing import Any
 from research.studies.repeats.run import score_model
 from surrogate.evaluation.evaluate import VERSION as EVALUATION
 from surrogate.storage.records import Provenance, Record
-from surrogate.training.begin import Asked, begin
+from surrogate.training.begin import TrainingOptions, begin
 from surrogate.training.budget import Budget
 from surrogate.training.run import train
 
@@ -61,7 +61,9 @@ def measure(catalog: Path, run: Path, minutes: float) -> Point:
     holds another run.
     """
     started, begun = time.perf_counter(), time.process_time()
-    opened = begin(catalog, run, Asked(Budget(minutes=minutes)), elapsed=lambda: time.perf_counter() - started)
+    opened = begin(
+        catalog, run, TrainingOptions(Budget(minutes=minutes)), elapsed=lambda: time.perf_counter() - started
+    )
     surrogate = train(opened.settings, opened.catalog, opened.model)
     return Point(
         minutes,

@@ -24,7 +24,7 @@ from research.benchmarks.training.fidelity.variants import (
 )
 from surrogate.evaluation.metrics import WHITE, psnr
 from surrogate.gaussians import Gaussians, Normalization
-from surrogate.initialization.pictures import Points
+from surrogate.initialization.pictures import StartPoints
 from surrogate.initialization.start import FIRST_OPACITY, initial_gaussians, initial_points
 from surrogate.provenance import machine
 from surrogate.rasterizer import Rasterizer
@@ -44,7 +44,7 @@ class MemberImages:
     member: str
     examples: dict[str, Sequence[Example]]
     box: NDArray[np.float64]  # [2, 3]
-    points: Points | None
+    points: StartPoints | None
     background: tuple[float, float, float] | None
 
     @classmethod

@@ -18,7 +18,7 @@ from research.studies.comparison.run import RunOptions, times_of
 from research.studies.comparison.task import ComparisonTask
 from research.studies.comparison.tuning import find
 from surrogate.training import budget, pace
-from surrogate.training.begin import Asked, begin
+from surrogate.training.begin import TrainingOptions, begin
 from surrogate.training.budget import Budget
 from tests.research.support.mean_pictures import mean_method
 from tests.support.blobs import Blobs, stored
@@ -56,7 +56,7 @@ def catalog(tmp_path_factory: pytest.TempPathFactory) -> Catalog:
 @pytest.fixture
 def run(catalog: Catalog, tmp_path: Path) -> Path:
     """A run's folder, with nothing trained."""
-    return begin(catalog.path, tmp_path / "run", Asked(Budget(steps=40))).folder
+    return begin(catalog.path, tmp_path / "run", TrainingOptions(Budget(steps=40))).folder
 
 
 def test_a_command_makes_a_page(run: Path, monkeypatch: pytest.MonkeyPatch) -> None:

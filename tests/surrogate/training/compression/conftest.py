@@ -13,7 +13,7 @@ from surrogate.deformation import BilinearDeformation
 from surrogate.settings import TrainingSettings
 from surrogate.training.compression.evaluator import Evaluator
 from surrogate.training.data import Example, TrainingData
-from surrogate.training.state import Fitted
+from surrogate.training.state import FittedGaussians
 from tests.support.blobs import Blobs
 from tests.support.comparing import stored_picture
 
@@ -25,7 +25,7 @@ TRUE_MODES = 2
 class Known:
     """A model that fits its images exactly, and the evaluator to try it on."""
 
-    fitted: Fitted
+    fitted: FittedGaussians
     evaluator: Evaluator
 
 
@@ -46,11 +46,13 @@ def make_known() -> MakeKnown:
         torch.nn.init.normal_(deformation.weights_out, std=1.0, generator=random)
         rank = torch.randn(6, TRUE_MODES, generator=random) @ torch.randn(TRUE_MODES, 6, generator=random)
         exact = replace(deformation, latents=0.4 * deformation.latents @ rank)
-        fitted = Fitted(gaussians, exact)
+        fitted = FittedGaussians(gaussians, exact)
         truth = gaussians.with_color_degree(1)
         truth.colors[:, 3:] = directional * torch.randn(len(truth), 9, generator=random)
         images = [
-            example(Fitted(truth, exact), camera, p) for camera in blobs.cameras()[:10] for p in (-1.0, -0.4, 0.2, 0.8)
+            example(FittedGaussians(truth, exact), camera, p)
+            for camera in blobs.cameras()[:10]
+            for p in (-1.0, -0.4, 0.2, 0.8)
         ]
         learnt, watched = [e for i, e in enumerate(images) if i % 4], images[::4]
         return Known(with_useless(fitted, useless), Evaluator(SETTINGS, TrainingData(learnt, watched, None)))
@@ -58,13 +60,13 @@ def make_known() -> MakeKnown:
     return make
 
 
-def example(fitted: Fitted, camera: Camera, p: float) -> Example:
+def example(fitted: FittedGaussians, camera: Camera, p: float) -> Example:
     """The picture of a model as a stored image."""
     parameters = torch.tensor([p])
     return stored_picture(fitted.at(parameters), camera, parameters)
 
 
-def with_useless(fitted: Fitted, count: int) -> Fitted:
+def with_useless(fitted: FittedGaussians, count: int) -> FittedGaussians:
     """`count` copies of the first Gaussian, too faint to be drawn, among the others."""
     rows = torch.cat([torch.zeros(count, dtype=torch.int64), torch.arange(len(fitted.gaussians))])
     more = fitted.of(rows).copy()

@@ -9,11 +9,11 @@ from catalogs.store.catalog import Catalog
 from catalogs.vocabulary.variations import Variation
 from surrogate.deformation import BilinearDeformation
 from surrogate.settings import TrainingSettings
-from surrogate.training.compression.color_degree import NAME_OF_F_VIS, choose_visualized_color_degree
+from surrogate.training.compression.color_degree import VARIED_NAME, choose_visualized_color_degree
 from surrogate.training.compression.evaluator import Evaluator
 from surrogate.training.data import TrainingData
 from surrogate.training.source import Source
-from surrogate.training.state import Fitted
+from surrogate.training.state import FittedGaussians
 from tests.support.comparing import stored_picture
 from tests.support.field_blobs import BLOBS, FUNCTIONS, ISOVALUE, field_catalog
 
@@ -29,9 +29,9 @@ def catalog(tmp_path_factory: pytest.TempPathFactory) -> Catalog:
     return field_catalog(path, members=(("train", 0.5),), view_splits=("train",))
 
 
-def fitted() -> Fitted:
+def fitted() -> FittedGaussians:
     gaussians = BLOBS.gaussians(0.5)
-    return Fitted(gaussians, BilinearDeformation.create(gaussians, 1, SETTINGS))
+    return FittedGaussians(gaussians, BilinearDeformation.create(gaussians, 1, SETTINGS))
 
 
 def lit(directional: float) -> TrainingData:
@@ -44,7 +44,11 @@ def lit(directional: float) -> TrainingData:
 
 
 def asked(
-    catalog: Catalog, variation: Variation, model: Fitted, data: TrainingData | None = None, degree: object = "auto"
+    catalog: Catalog,
+    variation: Variation,
+    model: FittedGaussians,
+    data: TrainingData | None = None,
+    degree: object = "auto",
 ):
     source = Source(SETTINGS.changed(visualization_color_degree=degree), catalog)
     evaluator = Evaluator(source.settings, data or source.data(variation))
@@ -57,7 +61,7 @@ def test_lit_surfaces_are_told_from_unlit_ones(catalog: Catalog, directional: fl
     before = [tensor.clone() for tensor in model.tensors().values()]
     degree, choice = asked(catalog, ISOVALUE, model, lit(directional))
     assert choice is not None
-    assert (degree, choice.name, choice.kept) == (expected, NAME_OF_F_VIS, str(expected))
+    assert (degree, choice.name, choice.kept) == (expected, VARIED_NAME, str(expected))
     assert [option.name for option in choice.options] == ["degree 0", "degree 1"]
     assert all(torch.equal(a, b) for a, b in zip(model.tensors().values(), before, strict=True))
     assert not any(tensor.requires_grad for tensor in model.tensors().values())
@@ -72,13 +76,13 @@ def test_the_same_is_chosen_again(catalog: Catalog) -> None:
 @pytest.mark.parametrize("variation", [ISOVALUE, FUNCTIONS], ids=["isovalue", "functions"])
 def test_what_the_settings_say_is_not_asked(catalog: Catalog, variation: Variation, degree: int) -> None:
     assert asked(catalog, variation, fitted(), degree=degree) == (degree, None)
-    wide = Fitted(fitted().gaussians.with_color_degree(1), fitted().deformation)
+    wide = FittedGaussians(fitted().gaussians.with_color_degree(1), fitted().deformation)
     assert asked(catalog, variation, wide, degree=degree) == (1, None)  # never less than the base
 
 
 def test_nothing_is_asked_where_the_answer_is_known(catalog: Catalog) -> None:
     data = lit(0.5)
     assert asked(catalog, FUNCTIONS, fitted(), data) == (0, None)  # they do not light
-    wide = Fitted(fitted().gaussians.with_color_degree(1), fitted().deformation)
+    wide = FittedGaussians(fitted().gaussians.with_color_degree(1), fitted().deformation)
     assert asked(catalog, ISOVALUE, wide, data) == (1, None)
     assert asked(catalog, ISOVALUE, fitted(), replace(data, validation=[])) == (0, None)

@@ -13,7 +13,7 @@ from surrogate.settings import TrainingSettings
 from surrogate.training.compression.evaluator import Evaluator
 from surrogate.training.compression.precision import precision_of_visualization
 from surrogate.training.data import TrainingData
-from surrogate.training.state import Fitted
+from surrogate.training.state import FittedGaussians
 from tests.support.comparing import same, stored_picture
 from tests.support.field_blobs import BLOBS
 from tests.support.visualizations import base, of_functions, of_isovalue
@@ -21,12 +21,12 @@ from tests.support.visualizations import base, of_functions, of_isovalue
 KINDS = ("values", "isovalue")
 
 
-def model(kind: str) -> tuple[Fitted, Visualization]:
+def model(kind: str) -> tuple[FittedGaussians, Visualization]:
     fitted = base()
     return fitted, of_isovalue(fitted, 1) if kind == "isovalue" else of_functions(fitted)
 
 
-def evaluator(fitted: Fitted, visual: Visualization, tolerance: float) -> Evaluator:
+def evaluator(fitted: FittedGaussians, visual: Visualization, tolerance: float) -> Evaluator:
     """Images that the model fits as exactly as bytes can."""
     places, images = ((-0.8, 0.6), (0.5, -0.3)), []
     for p, v in places:
