@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar, Protocol
 
@@ -81,12 +81,6 @@ class Deformation(Protocol):
     def stored(self) -> dict[str, Tensor]:
         """The tensors that `load` needs: `tensors()` without frozen parts."""
 
-    def moves(self, attribute: str) -> bool:
-        """True where this attribute of the Gaussians, one of their `tensors`, follows the parameters."""
-
-    def without(self, attribute: str) -> Deformation:
-        """The same with that attribute frozen."""
-
     def of(self, rows: Tensor) -> Deformation:
         """The deformation of some of the Gaussians, by index (M,)."""
 
@@ -95,13 +89,6 @@ class Deformation(Protocol):
 
     def copy(self) -> Deformation:
         """The same numbers in tensors of their own."""
-
-    @property
-    def latent_size(self) -> int:
-        """Numbers per Gaussian, which `reduced` makes fewer."""
-
-    def reduced(self, size: int, places: Sequence[Tensor]) -> Deformation:
-        """The nearest deformation with `size` numbers per Gaussian; nearest at the parameters `places`, each (P,)."""
 
     def rates(self, settings: TrainingSettings) -> dict[str, float]:
         """Adam's rate for each of `tensors`."""

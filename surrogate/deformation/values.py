@@ -149,16 +149,6 @@ class ValuesDeformation:
         """The same."""
         return self.tensors()
 
-    def moves(self, attribute: str) -> bool:
-        """True where this attribute follows the parameters."""
-        return attribute in ("opacity_logits", "colors")
-
-    def without(self, attribute: str) -> ValuesDeformation:
-        """Raises ValueError for opacity and colour, which only follow together."""
-        if self.moves(attribute):
-            raise ValueError(f"{attribute} can't be frozen under a transfer function that is applied")
-        return self
-
     def of(self, rows: Tensor) -> ValuesDeformation:
         """The weights of some of the Gaussians, by index (M,)."""
         return replace(self, weights=self.weights[rows])
@@ -174,15 +164,6 @@ class ValuesDeformation:
     def with_tensors(self, tensors: Mapping[str, Tensor]) -> ValuesDeformation:
         """The same with other weights."""
         return replace(self, weights=tensors["weights"])
-
-    @property
-    def latent_size(self) -> int:
-        """B, the number of values."""
-        return self.weights.shape[1]
-
-    def reduced(self, size: int, places: Sequence[Tensor]) -> ValuesDeformation:
-        """The same, for values can't be combined as modes can."""
-        return self
 
     def rates(self, settings: TrainingSettings) -> dict[str, float]:
         """Adam's rate for the weights."""

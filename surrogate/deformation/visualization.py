@@ -14,7 +14,7 @@ from catalogs.vocabulary.appearance import TransferFunction
 from catalogs.vocabulary.variations import Variation, variation_from_json
 from catalogs.vocabulary.words import one_line
 from surrogate.appearance.field_gaussians import AnyGaussians, FieldGaussians
-from surrogate.deformation import Deformation, compose, load_deformation
+from surrogate.deformation import BilinearDeformation, Deformation, compose, load_deformation
 from surrogate.deformation.values import ValuesDeformation, displaced_by
 from surrogate.gaussians import Gaussians
 from surrogate.lighting import Lighting
@@ -38,14 +38,14 @@ class Visualization:
 
     variation: Variation
     deformation: Deformation | None
-    simulation: Deformation | None = None
+    simulation: BilinearDeformation | None = None
     color_degree: int = 0
     gaussians: Gaussians | None = None
     lighting: Lighting | None = None
 
     __repr__ = one_line
 
-    def gaussians_at(self, gaussians: AnyGaussians, simulation: Deformation, parameters: Tensor) -> Gaussians:
+    def gaussians_at(self, gaussians: AnyGaussians, simulation: BilinearDeformation, parameters: Tensor) -> Gaussians:
         """The Gaussians that are drawn at normalized simulation and visualization parameters (P + V,), NaN ones for the base.
 
         `gaussians` are the canonical ones and `simulation` the base's simulation deformation.
@@ -71,14 +71,14 @@ class Visualization:
         steps = [parameter.high for parameter in self.variation.space.parameters]
         return displaced_by(base, steps, parameters)
 
-    def simulated(self, gaussians: AnyGaussians, simulation: Deformation, parameters: Tensor) -> Gaussians:
+    def simulated(self, gaussians: AnyGaussians, simulation: BilinearDeformation, parameters: Tensor) -> Gaussians:
         """The Gaussians that `deformation` acts on: at normalized simulation parameters (P,), or its own."""
         if self.gaussians is not None:
             return replace(self.gaussians, lighting=self.lighting)
         return self._wide((self.simulation or simulation).deformed(gaussians, parameters).drawn())
 
     def under(
-        self, gaussians: AnyGaussians, simulation: Deformation, parameters: Tensor, function: TransferFunction
+        self, gaussians: AnyGaussians, simulation: BilinearDeformation, parameters: Tensor, function: TransferFunction
     ) -> Gaussians:
         """The Gaussians at normalized simulation parameters (P,) under any transfer function, of a variation that edits one."""
         assert isinstance(self.deformation, ValuesDeformation)
@@ -115,7 +115,7 @@ class Visualization:
         copied = self._changed(lambda deformation: deformation.copy())
         return replace(copied, gaussians=self.gaussians and self.gaussians.copy())
 
-    def _changed(self, change: Callable[[Deformation], Deformation]) -> Visualization:
+    def _changed(self, change: Callable[[Any], Any]) -> Visualization:
         tuned = None if self.simulation is None else change(self.simulation)
         learnt = None if self.deformation is None else change(self.deformation)
         return replace(self, deformation=learnt, simulation=tuned)
@@ -136,12 +136,7 @@ class Visualization:
         degree, parts = record["color_degree"], ("deformation.", "simulation.", "gaussians.")
         if degree not in (0, 1) or not all(name.startswith(parts) for name in tensors):
             raise ValueError(f"color_degree must be 0 or 1, got {degree!r}, with tensors {sorted(tensors)}")
-        deformations: dict[str, Any] = {
-            name: load_deformation(part_of(tensors, name), record[name])
-            for name in ("deformation", "simulation")
-            if record[name] is not None
-        }
-        deformations = {"deformation": None, **deformations}
+        of_vis, of_sim = record["deformation"], record["simulation"]
         of_own, own, lighting = part_of(tensors, "gaussians"), None, record.get("lighting")
         if of_own or "lighting" in record:
             own = Gaussians.of_tensors(of_own)
@@ -149,10 +144,11 @@ class Visualization:
             raise ValueError("Gaussians of a lit surface have normals of 3 numbers, not colours of degree 1")
         return cls(
             variation_from_json(record["variation"]),
+            None if of_vis is None else load_deformation(part_of(tensors, "deformation"), of_vis),
+            None if of_sim is None else BilinearDeformation.load(part_of(tensors, "simulation"), of_sim),
             color_degree=int(degree),
             gaussians=own,
             lighting=None if lighting is None else Lighting.from_json(lighting),
-            **deformations,
         )
 
     def stored(self) -> dict[str, Tensor]:

@@ -17,7 +17,7 @@ from catalogs.vocabulary.parameters import ParameterSpace
 from catalogs.vocabulary.variations import Variation
 from catalogs.vocabulary.variations.isovalue import IsovalueVariation
 from surrogate.appearance.field_gaussians import AnyGaussians
-from surrogate.deformation import Deformation
+from surrogate.deformation import BilinearDeformation
 from surrogate.deformation.visualization import Visualization
 from surrogate.gaussians import Gaussians, Normalization
 from surrogate.model.deformed import checked_background
@@ -53,7 +53,7 @@ class DifferentiableSurrogate(torch.nn.Module):
     def __init__(
         self,
         gaussians: AnyGaussians,
-        deformation: Deformation,
+        deformation: BilinearDeformation,
         visualizations: Sequence[Visualization],
         space: ParameterSpace,
         normalization: Normalization,

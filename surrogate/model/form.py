@@ -62,8 +62,10 @@ def fields_of(model: models.StoredModel) -> Fields:
     with part("deformation"):
         deformation = load_deformation(parts["deformation"], record["deformation"])
         _check_fit(deformation, len(gaussians), len(space))
+        if not isinstance(deformation, BilinearDeformation):
+            raise ValueError(f"a deformation of kind {deformation.kind!r} can't follow the simulation's parameters")
         carried = isinstance(gaussians, FieldGaussians)
-        if carried != (isinstance(deformation, BilinearDeformation) and len(deformation.units) == FIELD_COLUMNS):
+        if carried != (len(deformation.units) == FIELD_COLUMNS):
             raise ValueError(
                 f"{FIELD_COLUMNS} units are needed where Gaussians carry values, and others where they carry colours"
             )

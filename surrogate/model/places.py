@@ -14,7 +14,7 @@ from catalogs.vocabulary.appearance import TransferFunction
 from catalogs.vocabulary.parameters import ParameterSpace
 from catalogs.vocabulary.words import one_line
 from surrogate.appearance.field_gaussians import AnyGaussians, FieldGaussians
-from surrogate.deformation import Deformation
+from surrogate.deformation import BilinearDeformation
 from surrogate.deformation.visualization import Visualization
 from surrogate.gaussians import Gaussians
 from surrogate.model.deformed import named
@@ -49,7 +49,7 @@ class ParameterPoint:
         parts = [self.simulation] if self.settings is None else [self.simulation, self.settings]
         return torch.from_numpy(np.concatenate(parts)).to(torch.float32)
 
-    def deform(self, gaussians: AnyGaussians, simulation: Deformation) -> Gaussians:
+    def deform(self, gaussians: AnyGaussians, simulation: BilinearDeformation) -> Gaussians:
         """The canonical `gaussians` as they are drawn here; raises ValueError where they are not finite."""
         with torch.no_grad():
             if self.function is not None and isinstance(gaussians, FieldGaussians):

@@ -17,7 +17,7 @@ from catalogs.vocabulary.appearance import TransferFunction
 from catalogs.vocabulary.cameras import Camera
 from catalogs.vocabulary.parameters import ParameterSpace
 from surrogate.appearance.field_gaussians import AnyGaussians, FieldGaussians
-from surrogate.deformation import Deformation
+from surrogate.deformation import BilinearDeformation
 from surrogate.deformation.visualization import Visualization
 from surrogate.gaussians import Normalization
 from surrogate.model.batches import draw_all, paired, rows_of, warn_of
@@ -58,7 +58,7 @@ class Surrogate:
     """
 
     gaussians: AnyGaussians
-    deformation: Deformation
+    deformation: BilinearDeformation
     space: ParameterSpace
     normalization: Normalization
     rasterizer: Rasterizer

@@ -100,7 +100,7 @@ def canonical_stage(gaussians: AnyGaussians, settings: TrainingSettings) -> Stag
     )
 
 
-def new_deformation(gaussians: AnyGaussians, parameters: int, settings: TrainingSettings) -> Deformation:
+def new_deformation(gaussians: AnyGaussians, parameters: int, settings: TrainingSettings) -> BilinearDeformation:
     """The simulation deformation before stage 2, by `parameters` many parameters: it moves nothing yet."""
     return BilinearDeformation.create(gaussians, parameters, settings)
 

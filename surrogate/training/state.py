@@ -10,7 +10,7 @@ import torch
 from torch import Tensor
 
 from surrogate.appearance.field_gaussians import AnyGaussians, load_gaussians
-from surrogate.deformation import Deformation, load_deformation
+from surrogate.deformation import BilinearDeformation
 from surrogate.deformation.visualization import Visualization
 from surrogate.gaussians import Gaussians
 from surrogate.storage.checkpoints import Checkpoint
@@ -25,12 +25,12 @@ class FittedGaussians(NamedTuple):
     """The result of stages 1 and 2: canonical Gaussians and the simulation deformation."""
 
     gaussians: AnyGaussians
-    deformation: Deformation
+    deformation: BilinearDeformation
 
     @classmethod
     def load(cls, tensors: Mapping[str, Tensor], record: Mapping[str, Any]) -> FittedGaussians:
         """The fit with these `tensors()` and this `record()`."""
-        deformation = load_deformation(part_of(tensors, "deformation"), record)
+        deformation = BilinearDeformation.load(part_of(tensors, "deformation"), record)
         return cls(load_gaussians(part_of(tensors, "gaussians"), record.get("field")), deformation)
 
     def copy(self) -> FittedGaussians:

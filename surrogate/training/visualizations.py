@@ -15,7 +15,7 @@ from torch import Tensor
 from catalogs.vocabulary.appearance import VolumeRendering
 from catalogs.vocabulary.variations import Variation
 from surrogate.appearance.field_gaussians import AnyGaussians, FieldGaussians
-from surrogate.deformation import BilinearDeformation, Deformation
+from surrogate.deformation import BilinearDeformation
 from surrogate.deformation.values import VALUE_BINS, ValuesDeformation, placed_values
 from surrogate.deformation.visualization import Visualization
 from surrogate.gaussians import Gaussians
@@ -40,7 +40,7 @@ def lighting_of(variation: Variation, source: Source) -> Lighting | None:
 
 def new_visualization(
     gaussians: AnyGaussians,
-    simulation: Deformation,
+    simulation: BilinearDeformation,
     variation: Variation,
     source: Source,
     color_degree: int = 0,
@@ -57,7 +57,7 @@ def new_visualization(
 
 def shared_visualization(
     gaussians: AnyGaussians,
-    simulation: Deformation,
+    simulation: BilinearDeformation,
     variation: Variation,
     source: Source,
     color_degree: int = 0,
@@ -114,7 +114,7 @@ def in_common(visualization: Visualization, settings: TrainingSettings, data: Tr
 
 
 def visualization_stage(
-    gaussians: AnyGaussians, simulation: Deformation, visualization: Visualization, settings: TrainingSettings
+    gaussians: AnyGaussians, simulation: BilinearDeformation, visualization: Visualization, settings: TrainingSettings
 ) -> Stage:
     """Optimize `visualization` in place: its deformation and, if any, its own Gaussians or copy of the simulation deformation."""
     if visualization.gaussians is not None:
@@ -157,7 +157,7 @@ def visualization_stage(
 
 
 def refinement_stage(
-    gaussians: AnyGaussians, simulation: Deformation, visualization: Visualization, settings: TrainingSettings
+    gaussians: AnyGaussians, simulation: BilinearDeformation, visualization: Visualization, settings: TrainingSettings
 ) -> Stage:
     """Optimize `gaussians` that carry values, and their deformation, in place on pictures under all trained transfer functions."""
     assert isinstance(gaussians, FieldGaussians)
@@ -175,7 +175,7 @@ def refinement_stage(
 
 
 def _surface_stage(
-    gaussians: AnyGaussians, simulation: Deformation, visualization: Visualization, settings: TrainingSettings
+    gaussians: AnyGaussians, simulation: BilinearDeformation, visualization: Visualization, settings: TrainingSettings
 ) -> Stage:
     """Optimize Gaussians of its own together with what moves them, as stage 2 does; dead ones are relocated."""
     assert visualization.gaussians is not None

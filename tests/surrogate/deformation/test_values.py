@@ -240,12 +240,6 @@ def test_it_is_a_deformation_like_others() -> None:
     copied = deformation.copy()
     copied.weights.zero_()
     assert deformation.weights.any()
-    assert deformation.latent_size == len(EVEN)
-    assert deformation.reduced(2, []) is deformation
-    assert deformation.without("means") is deformation
-    assert [deformation.moves(name) for name in NAMES] == [False, False, False, True, True]
-    with pytest.raises(ValueError, match="opacity_logits can't be frozen"):
-        deformation.without("opacity_logits")
 
 
 def flat(deformation, shown: Gaussians) -> tuple[torch.Tensor, ...]:

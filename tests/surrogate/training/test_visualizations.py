@@ -63,8 +63,12 @@ def test_at_first_nothing_moves(catalog: Catalog, variation: Variation, color_de
     assert (visual.simulation is None) == (variation is FUNCTIONS)
     if visual.simulation is not None:
         assert all(torch.equal(t, fitted.deformation.tensors()[n]) for n, t in visual.simulation.tensors().items())
-    moving = [name for name in NAMES if visual.deformation.moves(name)]
-    assert moving == (list(NAMES) if variation is ISOVALUE else ["opacity_logits", "colors"])
+    if isinstance(visual.deformation, BilinearDeformation):
+        assert all(visual.deformation.moves(name) for name in NAMES)
+    else:
+        before = fitted.at(torch.zeros(1)).with_color_degree(color_degree).tensors()
+        after = visual.gaussians_at(*fitted, torch.tensor([0.0, 1.0, 0.0, 0.0, 0.0])).tensors()
+        assert [n for n in NAMES if not torch.equal(before[n], after[n])] == ["opacity_logits", "colors"]
 
 
 def test_isovalues_have_lit_gaussians_of_their_own_that_leave_the_base_alone(
