@@ -1,4 +1,4 @@
-"""Extinction and emission of a transfer function, tabulated at field values: by the C++ kernel, and by its readable twin."""
+"""Extinction and emission of a transfer function at field values: by the C++ kernel, or by its reference implementation."""
 
 from __future__ import annotations
 

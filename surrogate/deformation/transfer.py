@@ -1,4 +1,4 @@
-"""Gaussians under a changed transfer function: by the C++ kernel, and by its readable twin in plain torch.
+"""Gaussians under a changed transfer function: by the C++ kernel, and by its reference implementation.
 
 Gaussian i has weights W_ib >= 0 of B field values, at which the extinction changes by T_b0, and the extinction times each
 colour by T_bc, c = 1, 2, 3.  So its optical depth kappa_i and its emission kappa_i c_i change by the sums

@@ -1,4 +1,4 @@
-"""The run of a catalog: begun by what a command asks for, or found as an earlier one left it."""
+"""The run of a catalog: begun with the options of a command, or resumed."""
 
 from __future__ import annotations
 
@@ -43,9 +43,9 @@ class TrainingOptions:
 
     @property
     def whole_budget(self) -> Budget:
-        """The budget, or the one that stands where none is said."""
-        said = self.budget.minutes, self.budget.steps, *(self.settings.get(key) for key in STEP_KEYS)
-        return self.budget if any(said) else Budget(minutes=MINUTES)
+        """The budget, or the default where neither it nor the settings say one."""
+        given = self.budget.minutes, self.budget.steps, *(self.settings.get(key) for key in STEP_KEYS)
+        return self.budget if any(given) else Budget(minutes=MINUTES)
 
     def to_json(self) -> dict[str, Any]:
         """JSON values, for `run.json`."""
@@ -71,12 +71,12 @@ def read_settings(path: Path) -> dict[str, Any]:
 def begin(
     path: Path,
     folder: Path,
-    asked: TrainingOptions,
+    options: TrainingOptions,
     *,
     elapsed: Clock | None = None,
     ranks: Ranks = ALONE,
 ) -> RunFolder:
-    """The run of the catalog at `path` in `folder`: the one that is there, or a new one as it is `asked` for.
+    """The run of the catalog at `path` in `folder`: the one that is there, or a new one with these `options`.
 
     A catalog that was moved is found again.  `elapsed` says how many seconds of a budget in minutes are spent, on the clock that
     they are counted with; see `budgeted`.  Of several processes that will train together, `ranks`, all call this: they measure the
@@ -86,23 +86,23 @@ def begin(
     where the catalog can't be learnt from.  Raises RuntimeError where another process trains there.
     """
     catalog = Catalog.open(path)
-    known = ranks.by_first(lambda: _known(folder, catalog, asked))
-    if known is not None:
-        return RunFolder(folder, known)
-    first = TrainingSettings.from_table(asked.settings)
-    seen = with_chosen_splits(catalog, first.appearance, asked.hold_out, first.seed)
+    existing = ranks.by_first(lambda: _existing(folder, catalog, options))
+    if existing is not None:
+        return RunFolder(folder, existing)
+    first = TrainingSettings.from_table(options.settings)
+    seen = with_chosen_splits(catalog, first.appearance, options.hold_out, first.seed)
     Source(first, seen, ranks)  # says what can't be learnt
     ranks.by_first(lambda: folder.mkdir(parents=True, exist_ok=True))
     try:
         with ExitStack() as held:
             ranks.by_first(lambda: held.enter_context(locked(folder)))
-            settings, chosen = budgeted(asked.settings, seen, asked.whole_budget, elapsed, ranks)
+            settings, chosen = budgeted(options.settings, seen, options.whole_budget, elapsed, ranks)
             record = RunRecord(
                 path_between(folder, path),
                 settings.to_json(),
                 seen.splits,
                 fingerprint(settings, seen),
-                asked.to_json(),
+                options.to_json(),
                 chosen,
             )
             made = ranks.by_first(lambda: _saved(record, folder))
@@ -121,24 +121,24 @@ def _saved(record: RunRecord, folder: Path) -> RunRecord | None:
 
 def calmer(run: RunFolder) -> RunFolder | None:
     """A run of a catalog that diverged, begun anew with half its rates; None after three times, and for a scene."""
-    known = run.record
-    if known is None or not known.asked or known.chosen.get("calmed", 0) >= MOST_CALMED:
+    record = run.record
+    if record is None or not record.asked or record.chosen.get("calmed", 0) >= MOST_CALMED:
         return None
     before = run.settings
     settings = before.changed(latent_rate=before.latent_rate / 2.0, embedding_rate=before.embedding_rate / 2.0)
-    chosen = {**known.chosen, "calmed": known.chosen.get("calmed", 0) + 1}
+    chosen = {**record.chosen, "calmed": record.chosen.get("calmed", 0) + 1}
     with locked(run.folder):
         (run.model / CHECKPOINT).unlink(missing_ok=True)
         mark = fingerprint(settings, run.catalog)
-        replace(known, settings=settings.to_json(), fingerprint=mark, chosen=chosen).save(run.folder)
+        replace(record, settings=settings.to_json(), fingerprint=mark, chosen=chosen).save(run.folder)
     return RunFolder.open(run.folder)
 
 
-def _known(folder: Path, catalog: Catalog, asked: TrainingOptions) -> RunRecord | None:
+def _existing(folder: Path, catalog: Catalog, options: TrainingOptions) -> RunRecord | None:
     """The run in the folder if its options are the same; None where there is none."""
-    known = RunRecord.load(folder)
-    if known is not None:
-        return _found(RunFolder(folder, known), catalog, asked).record
+    record = RunRecord.load(folder)
+    if record is not None:
+        return _matching(RunFolder(folder, record), catalog, options).record
     if (
         (folder / BESIDE).exists()
         or models.exists(folder / "surrogate")
@@ -150,10 +150,10 @@ def _known(folder: Path, catalog: Catalog, asked: TrainingOptions) -> RunRecord 
     return None
 
 
-def _found(run: RunFolder, catalog: Catalog, asked: TrainingOptions) -> RunFolder:
-    """The run that is there, if nothing else is asked for; its record follows a catalog that was moved."""
+def _matching(run: RunFolder, catalog: Catalog, options: TrainingOptions) -> RunFolder:
+    """The run in the folder if its options agree; its record follows a catalog that was moved."""
     assert run.record is not None
-    others = _disagreements(run.record, asked)
+    others = _disagreements(run.record, options)
     if others:
         raise ValueError(
             f"{run.folder} was begun with {'; '.join(others)}: `surrogate train {run.folder}` goes on with it, -o names another "
@@ -171,18 +171,18 @@ def _found(run: RunFolder, catalog: Catalog, asked: TrainingOptions) -> RunFolde
     return run
 
 
-def _disagreements(known: RunRecord, asked: TrainingOptions) -> list[str]:
-    """In what a run was begun otherwise than it is asked for now; what is not asked for agrees with everything."""
-    now = {"minutes": asked.budget.minutes, "steps": asked.budget.steps, "hold_out": asked.hold_out}
-    said = [
-        f"{_option(name, known.asked.get(name))}, not {_option(name, value)}"
+def _disagreements(record: RunRecord, options: TrainingOptions) -> list[str]:
+    """Options with which a run was begun otherwise; options that are left out agree with everything."""
+    now = {"minutes": options.budget.minutes, "steps": options.budget.steps, "hold_out": options.hold_out}
+    differing = [
+        f"{_option(name, record.asked.get(name))}, not {_option(name, value)}"
         for name, value in now.items()
-        if value is not None and value != known.asked.get(name)
+        if value is not None and value != record.asked.get(name)
     ]
-    before = TrainingSettings.from_record(known.settings).to_json()
-    given = TrainingSettings.from_table(asked.settings).to_json()
-    others = [key for key in asked.settings if before.get(key) != given.get(key)]
-    return said + [f"{key}={before.get(key)}, not {given.get(key)}" for key in others]
+    before = TrainingSettings.from_record(record.settings).to_json()
+    given = TrainingSettings.from_table(options.settings).to_json()
+    others = [key for key in options.settings if before.get(key) != given.get(key)]
+    return differing + [f"{key}={before.get(key)}, not {given.get(key)}" for key in others]
 
 
 def _option(name: str, value: Any) -> str:

@@ -1,4 +1,4 @@
-"""The training loss: mean absolute difference plus structural dissimilarity, with a fused kernel and its readable twin."""
+"""The training loss: mean absolute difference plus structural dissimilarity, by a fused kernel or its reference."""
 
 from __future__ import annotations
 

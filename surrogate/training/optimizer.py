@@ -93,7 +93,7 @@ class Moments(NamedTuple):
 def step_rows(tensor: Tensor, gradient: Tensor, first: Tensor, second: Tensor, steps: Tensor, rate: float) -> None:
     """Move the rows of `tensor` (N, ...) whose `gradient` is not zero, with their moments and `steps` (N,), in place.
 
-    In main memory and float32 the C++ kernel does it, else the twin.
+    In main memory and float32 the C++ kernel does it, else the reference implementation.
     """
     tensors = (tensor, gradient, first, second, steps)
     if all(t.is_cpu and t.dtype == torch.float32 and t.is_contiguous() for t in tensors):

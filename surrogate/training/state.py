@@ -1,4 +1,4 @@
-"""All that training knows at one moment: what its steps hand on, and what a checkpoint holds."""
+"""The state of a training, which its steps hand on and a checkpoint holds."""
 
 from __future__ import annotations
 
@@ -18,7 +18,14 @@ from surrogate.storage.encoding import Encoding
 from surrogate.storage.names import joined, part_of
 from surrogate.training.loop import LoopMemory
 
-TOLD = ("done", "losses", "curve", "choices", "seconds", "processor_seconds")  # in a checkpoint's record as they are
+RECORDED = (
+    "done",
+    "losses",
+    "curve",
+    "choices",
+    "seconds",
+    "processor_seconds",
+)  # in a checkpoint's record as they are
 
 
 class FittedGaussians(NamedTuple):
@@ -46,7 +53,7 @@ class FittedGaussians(NamedTuple):
         return self.deformation.deformed(self.gaussians, parameters).drawn()
 
     def without(self, attribute: str) -> FittedGaussians:
-        """The same with one of the Gaussians' attributes held still."""
+        """The same with one of the Gaussians' attributes frozen."""
         return FittedGaussians(self.gaussians, self.deformation.without(attribute))
 
     def of(self, rows: Tensor) -> FittedGaussians:
@@ -113,7 +120,7 @@ class TrainingState:
             "visualizations": [v.record() for v in self.visualizations],
             "step": None if self.loop is None else self.loop.step,
         }
-        record |= {name: getattr(self, name) for name in TOLD}
+        record |= {name: getattr(self, name) for name in RECORDED}
         return Checkpoint(joined(parts | ({} if self.loop is None else {"loop": self.loop.tensors})), record)
 
     @classmethod

@@ -1,6 +1,6 @@
 """A loss without pictures: the difference of Gaussians' blended values from those that the hook sampled at the same places.
 
-The C++ kernel is tested against its readable twin, `blended_values_reference`.
+The C++ kernel is tested against its reference implementation, `blended_values_reference`.
 """
 
 from __future__ import annotations
@@ -112,8 +112,9 @@ def blended_values(
     values : (N,) u.
     places : (Q, 3), in the coordinates of `means`.
 
-    In main memory and float32 the C++ kernel computes it on one core, anything else the twin, whose memory grows with N times Q.
-    Raises ValueError for shapes that do not belong together, and where a number is not finite or a weight negative.
+    In main memory and float32 the C++ kernel computes it on one core, anything else the reference implementation, whose memory
+    grows with N times Q. Raises ValueError for shapes that do not belong together, and where a number is not finite or a weight
+    negative.
     """
     weights = torch.ones_like(values) if weights is None else weights
     tensors = (means, scales, quats, weights, values)
