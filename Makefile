@@ -22,7 +22,7 @@ HOOKED  := $(if $(EXAMPLE),.venv-$(EXAMPLE)/.complete)
 
 help:
 	@echo "make dataset train [SCENE=$(SCENE)]   simulate, render, train, evaluate -> $(RUNS)/<scene>/report/"
-	@echo "make results [SCENES=\"a b\"]         $(SEEDS) seeds, ceiling and report of each scene that has a data set -> docs/results.md"
+	@echo "make results [SCENES=\"a b\"]         $(SEEDS) seeds, upper bound and report of each scene that has a data set -> docs/results.md"
 	@echo "make repeat [SCENE=$(SCENE)]          $(SEEDS) seeds of one scene: mean and deviation -> $(RECORDS)/<scene>/seeds/"
 	@echo "make ablate [SCENE=$(SCENE)]          what each choice of training is worth: hours -> $(RUNS), $(RECORDS)/<scene>/ablation/"
 	@echo "make compare [SCENE=$(SCENE)]         published systems and ours, $(MINUTES) minutes each -> docs/comparison.md"
@@ -59,7 +59,7 @@ evaluate: dataset
 repeat: dataset
 	$(STUDY) repeat scenes/$(SCENE).toml --runs $(RUNS) --records $(RECORDS) --seeds $(SEEDS)
 
-# Hours where little is there yet; interrupted, it goes on.  A scene that fails leaves the others, and one may have no ceiling.
+# Hours where little is there yet; interrupted, it goes on.  A scene that fails leaves the others, and one may have no upper bound.
 results: $(SETUP)
 	@failed=; for scene in $(SCENES); do \
 	    { $(MAKE) --no-print-directory dataset SCENE=$$scene && \

@@ -1,1 +1,1 @@
-"""Many trainings compared: ablation, seeds, the ceiling of one member fitted alone, and the stress table."""
+"""Many trainings compared: ablation, seeds, the upper bound of one member fitted alone, and the stress table."""

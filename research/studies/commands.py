@@ -245,13 +245,13 @@ def ceiling(scene: Path, runs: Path, records: Path | None) -> None:
     """Fit the Gaussians of a SCENE or a RUN to one unseen member alone: what they could reach, beside what the surrogate does."""
     studied = StudiedRun.open(scene, runs, records)
     opened = studied.run
-    from research.studies.ceiling import line, measure_ceiling
+    from research.studies.upper_bound import line, measure_upper_bound
     from surrogate.model import Surrogate
-    from surrogate.report.ceilings import FOLDER
+    from surrogate.report.upper_bounds import FOLDER
 
     surrogate = load_surrogate(opened.model) if Surrogate.exists(opened.model) else None
     with one_line_errors(), ProgressLine() as shown:
-        entries = measure_ceiling(opened.settings, opened.catalog, studied.records, surrogate, progress=shown)
+        entries = measure_upper_bound(opened.settings, opened.catalog, studied.records, surrogate, progress=shown)
     for entry in entries:
         click.echo(line(entry))
     click.echo(studied.records / FOLDER)

@@ -19,7 +19,7 @@ from surrogate.command_line import RUNS, SCENE, OpenRun, load_surrogate, one_lin
 @click.option(
     "--records",
     type=click.Path(path_type=Path),
-    help="Folder where the figures of all scenes are kept, and seeds and ceilings found that the report shows beside them.  "
+    help="Folder where the figures of all scenes are kept, and seeds and upper bounds that the report shows beside them.  "
     "[default: the run's folder]",
 )
 def evaluate(scene: Path, runs: Path, records: Path | None) -> None:

@@ -39,7 +39,7 @@ def page(record: Mapping[str, Any], pictures: Mapping[str, str]) -> str:
         *center_table(record, ("views", "parameters")),
         "## Beside trivial predictors",
         *_baselines(record),
-        *_ceilings(record),
+        *_upper_bounds(record),
         *seeds_section(record["repeats"]),
         "## How fast, how large",
         _costs(record),
@@ -98,12 +98,12 @@ def _without_baselines(record: Mapping[str, Any]) -> str:
     )
 
 
-def _ceilings(record: Mapping[str, Any]) -> list[str]:
+def _upper_bounds(record: Mapping[str, Any]) -> list[str]:
     """What limits the figures: the same Gaussians, fitted to one unseen member alone."""
     if not record["ceilings"]:
         return []
     return [
-        "## Beside the ceiling",
+        "## Beside the per-member upper bound",
         "As many Gaussians, fitted for as many steps to one member alone, on the same test views of that member: an unseen one, "
         "or a training member where the data set has no unseen one with views to learn from.",
         table_of(

@@ -13,11 +13,11 @@ from surrogate.evaluation.evaluate import Evaluation
 from surrogate.evaluation.perceptual import PerceptualMetrics
 from surrogate.model import Surrogate
 from surrogate.report import figures
-from surrogate.report.ceilings import load_ceilings
 from surrogate.report.decided import decided_on
 from surrogate.report.page import page
 from surrogate.report.seeds import Scores, load_scores
 from surrogate.report.summary import fingerprint, summarize
+from surrogate.report.upper_bounds import load_upper_bounds
 from surrogate.storage.records import read_json
 from surrogate.training.messages import learnt_line, members_line
 
@@ -32,10 +32,10 @@ def is_current(directory: Path, surrogate: Surrogate, records: Path | None = Non
 
 
 def _beside(surrogate: Surrogate, *folders: Path | None) -> tuple[list[dict[str, Any]], list[Scores]]:
-    """The ceilings and seeds of the surrogate's settings and data; maybe none."""
+    """The stored upper bounds and seeds of the surrogate's settings and data."""
     mark, known = surrogate.training["fingerprint"], [folder for folder in folders if folder is not None]
-    ceilings = [entry for folder in known for entry in load_ceilings(folder)]
-    own = {e["appearance"]: e for e in ceilings if (e["surrogate"] or {}).get("fingerprint") == mark}
+    upper_bounds = [entry for folder in known for entry in load_upper_bounds(folder)]
+    own = {e["appearance"]: e for e in upper_bounds if (e["surrogate"] or {}).get("fingerprint") == mark}
     seeds = {scores.seed: scores for folder in known for scores in load_scores(folder, base=mark)}
     return list(own.values()), [seeds[seed] for seed in sorted(seeds)]
 
@@ -52,11 +52,11 @@ def write_report(
 ) -> dict[str, Any]:
     """Write the report into `directory`, which appears whole, replacing an earlier one; returns `report.json`'s contents.
 
-    Ceilings and seeds of the same settings and data are taken from the folder around `directory`, and from `records`.
+    Upper bounds and seeds of the same settings and data are taken from the folder around `directory`, and from `records`.
     """
-    ceilings, repeats = _beside(surrogate, directory.parent, records)
+    upper_bounds, repeats = _beside(surrogate, directory.parent, records)
     record = summarize(
-        scene, surrogate, evaluation, dataset_seconds=dataset_seconds, ceilings=ceilings, repeats=repeats
+        scene, surrogate, evaluation, dataset_seconds=dataset_seconds, upper_bounds=upper_bounds, repeats=repeats
     )
     variations = [v.variation for v in surrogate.visualizations]
     learnt = learnt_line(catalog.plan, str(surrogate.training["appearance"]), variations)

@@ -24,11 +24,11 @@ CONTENTS = 1  # what else stands in a report; the scores, and what is kept of se
 def fingerprint(
     surrogate: Surrogate,
     unavailable: Iterable[str],
-    ceilings: Sequence[Mapping[str, Any]] = (),
+    upper_bounds: Sequence[Mapping[str, Any]] = (),
     repeats: Sequence[Scores] = (),
 ) -> str:
     """Changes with the model, its catalog, the evaluation's version, the metrics that can't be had, and what stands beside."""
-    training, limits = surrogate.training, [f"{entry['appearance']}={entry['psnr']}" for entry in ceilings]
+    training, limits = surrogate.training, [f"{entry['appearance']}={entry['psnr']}" for entry in upper_bounds]
     seeds = [f"{scores.seed}={scores.fingerprint}" for scores in repeats if len(repeats) > 1]
     marks = [
         f"{VERSION}.{CONTENTS}",
@@ -47,10 +47,10 @@ def summarize(
     evaluation: Evaluation,
     *,
     dataset_seconds: float | None,
-    ceilings: Sequence[Mapping[str, Any]] = (),
+    upper_bounds: Sequence[Mapping[str, Any]] = (),
     repeats: Sequence[Scores] = (),
 ) -> dict[str, Any]:
-    """An evaluation with what made it, and the ceilings and seeds beside it."""
+    """An evaluation with what made it, and the upper bounds and seeds beside it."""
     judged = [s for row in evaluation.cells.values() for s in row["unseen_parameters"]]
     middle = surrogate.space.middle
     return {
@@ -58,7 +58,7 @@ def summarize(
         "commit": commit(),
         "machine": machine(),
         "made": datetime.now(UTC).isoformat(timespec="seconds"),
-        "fingerprint": fingerprint(surrogate, evaluation.unavailable, ceilings, repeats),
+        "fingerprint": fingerprint(surrogate, evaluation.unavailable, upper_bounds, repeats),
         "seed": surrogate.training["settings"]["seed"],
         "seconds": {
             "dataset": dataset_seconds,
@@ -72,7 +72,7 @@ def summarize(
         "unavailable": dict(evaluation.unavailable),
         "empty_images": sum(math.isnan(s.score.psnr_foreground) for s in judged),
         "trivial_predictors": [_member_baseline(baseline) for baseline in evaluation.baselines],
-        "ceilings": [dict(entry) for entry in ceilings],
+        "ceilings": [dict(entry) for entry in upper_bounds],
         "repeats": summarize_repeats(repeats),
         "variations": [_variation(v, middle) for v in evaluation.variations],
         "choices": surrogate.training.get("choices", []),

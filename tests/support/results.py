@@ -1,4 +1,4 @@
-"""Scenes whose pictures are blobs, with their data sets and ceilings."""
+"""Scenes whose pictures are blobs, with their data sets and upper bounds."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Any
 
 from catalogs.store.catalog import Catalog, CatalogPlan
 from catalogs.vocabulary.appearance import ImportedImages
-from surrogate.report import ceilings
+from surrogate.report import upper_bounds
 from surrogate.settings import TrainingSettings
 from surrogate.storage.records import Provenance, Record
 from tests.support.blobs import Blobs
@@ -50,8 +50,8 @@ def make_catalog(root: Path, name: str) -> Catalog:
     return Catalog.open(catalog.path)
 
 
-def ceiling_entry(mark: str, psnr: float, appearance: str = "drawn", **parameters: float) -> dict[str, Any]:
-    """A ceiling, beside a surrogate half a dB behind."""
+def upper_bound_entry(mark: str, psnr: float, appearance: str = "drawn", **parameters: float) -> dict[str, Any]:
+    """An upper bound, beside a surrogate half a dB behind."""
     return {
         "member": "test-0",
         "split": "test",
@@ -66,9 +66,11 @@ def ceiling_entry(mark: str, psnr: float, appearance: str = "drawn", **parameter
     }
 
 
-def save_ceiling(records: Path, entry: dict[str, Any]) -> None:
-    """Keep a ceiling in the folder of a scene's records."""
+def save_upper_bound(records: Path, entry: dict[str, Any]) -> None:
+    """Store an upper bound in the folder of a scene's records."""
     values = {name: value for name, value in entry.items() if name not in ("commit", "machine")}
     key = {name: values.pop(name) for name in ("member", "split", "appearance", "parameters", "seed")}
-    record = Record(ceilings.KIND, ceilings.VERSION, key, values, Provenance(entry["commit"], "", entry["machine"]))
-    record.save(records / ceilings.FOLDER / f"{entry['appearance']}.json")
+    record = Record(
+        upper_bounds.KIND, upper_bounds.VERSION, key, values, Provenance(entry["commit"], "", entry["machine"])
+    )
+    record.save(records / upper_bounds.FOLDER / f"{entry['appearance']}.json")

@@ -39,10 +39,10 @@ def _missing(scene: SceneResults) -> Iterator[tuple[str, str]]:
         yield "everything of its present settings", f"make results SCENES={scene.name}"
     if scene.report is None:
         yield "the report", f"make results SCENES={scene.name}"
-    without = [part.what for part in parts_of([scene]) if part.ceiling is None and _can_have_ceiling(part)]
+    without = [part.what for part in parts_of([scene]) if part.upper_bound is None and _can_have_upper_bound(part)]
     if without:
         yield (
-            f"the ceiling of {', '.join(without)}",
+            f"the upper bound of {', '.join(without)}",
             f"python -m research.studies ceiling scenes/{scene.name}.toml --records research/records",
         )
     if scene.repeats is None:
@@ -53,7 +53,7 @@ def _missing(scene: SceneResults) -> Iterator[tuple[str, str]]:
             yield f"the ablation of {kind.title}", kind.command(scene.name)
 
 
-def _can_have_ceiling(part: ReportPart) -> bool:
+def _can_have_upper_bound(part: ReportPart) -> bool:
     """True if a member has both training and test views, under a test setting where the part is about one."""
     if part.kind == BASE:
         return any(part.images("unseen_views", column) for column in PARAMETERS)

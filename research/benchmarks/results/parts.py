@@ -26,7 +26,7 @@ class ReportPart:
     what : description of its appearance.
     record : record of the report, with means by metric, row and column.
     spreads : the same over seeds; None for fewer than two.
-    ceiling : the entry of `ceiling.json` about it; None without one.
+    upper_bound : the entry of its per-member upper bound; None without one.
     """
 
     scene: str
@@ -34,7 +34,7 @@ class ReportPart:
     what: str
     record: Mapping[str, Any]
     spreads: Mapping[str, Any] | None
-    ceiling: Mapping[str, Any] | None
+    upper_bound: Mapping[str, Any] | None
 
     def images(self, row: str, column: str) -> int:
         """Number of such images in the data set."""
@@ -93,11 +93,11 @@ class ReportPart:
             if entry["psnr"].get(other) is not None
         ]
 
-    def beside_ceiling(self) -> str:
+    def beside_upper_bound(self) -> str:
         """PSNR in dB of the same Gaussians fitted alone, and of the surrogate on the same images."""
-        if self.ceiling is None:
+        if self.upper_bound is None:
             return NOTHING
-        return f"{number(self.ceiling['psnr'])} ({number(self.ceiling['surrogate']['psnr'])})"
+        return f"{number(self.upper_bound['psnr'])} ({number(self.upper_bound['surrogate']['psnr'])})"
 
 
 def parts_of(scenes: Iterable[SceneResults]) -> list[ReportPart]:
@@ -110,17 +110,17 @@ def _parts(scene: SceneResults) -> list[ReportPart]:
     if report is None:
         return []
     varied: Sequence[Mapping[str, Any]] = report["variations"]
-    names = {name for one in varied for name in _ceiling_names(one)}
-    base = next((entry for entry in scene.ceilings if not names & set(entry["parameters"])), None)
+    names = {name for one in varied for name in _upper_bound_names(one)}
+    base = next((entry for entry in scene.upper_bounds if not names & set(entry["parameters"])), None)
     parts = [ReportPart(scene.name, BASE, scene.base, report, repeats, base)]
     for number_of, one in enumerate(varied):
-        own = _ceiling_names(one)
-        ceiling = next((entry for entry in scene.ceilings if own & set(entry["parameters"])), None)
+        own = _upper_bound_names(one)
+        upper_bound = next((entry for entry in scene.upper_bounds if own & set(entry["parameters"])), None)
         spreads = None if repeats is None else {"seeds": repeats["seeds"], **repeats["variations"][number_of]}
-        parts.append(ReportPart(scene.name, one["kind"], KINDS[one["kind"]].plural, one, spreads, ceiling))
+        parts.append(ReportPart(scene.name, one["kind"], KINDS[one["kind"]].plural, one, spreads, upper_bound))
     return parts
 
 
-def _ceiling_names(varied: Mapping[str, Any]) -> set[str]:
-    """The visualization parameters that a ceiling of a variation is measured at; those of a field, all seen, have none."""
+def _upper_bound_names(varied: Mapping[str, Any]) -> set[str]:
+    """The visualization parameters at which the upper bound of a variation is measured; empty for a field."""
     return {parameter["name"] for parameter in varied["parameters"]} if KINDS[varied["kind"]].continuous else set()

@@ -10,7 +10,7 @@ from research.benchmarks.results.parts import BASE, ReportPart
 from surrogate.evaluation.scoring import PERCEPTUAL_METRICS
 from surrogate.evaluation.tables import HEADINGS, NOTHING, table_of
 
-CEILING, TRIVIAL = "ceiling (surrogate there), dB", "best trivial predictor, dB"
+UPPER_BOUND, TRIVIAL = "upper bound (surrogate there), dB", "best trivial predictor, dB"
 CENTER = "the same model at the centre of the parameters, dB"
 Cell = tuple[str, str]  # row and column
 
@@ -38,11 +38,11 @@ def quality_tables(parts: Sequence[ReportPart]) -> list[QualityTable]:
         ),
         _seen_and_unseen(
             "Unseen simulation parameters",
-            "Test members, from views that training saw of others; ceilings are measured at unseen views only.",
+            "Test members, from views that training saw of others; upper bounds are measured at unseen views only.",
             parts,
             (BASE, "parameters"),
             (seen, ("seen_views", "unseen_parameters")),
-            without=CEILING,
+            without=UPPER_BOUND,
         ),
         *(
             _seen_and_unseen(
@@ -111,7 +111,7 @@ def _made(
         *first,
         *((HEADINGS[metric], figure(metric)) for metric in ("psnr_foreground", "ssim", *perceptual)),
         (CENTER, lambda part: part.at_center(*at(part))),
-        (CEILING, ReportPart.beside_ceiling),
+        (UPPER_BOUND, ReportPart.beside_upper_bound),
         (TRIVIAL, lambda part: part.best_trivial(*at(part))),
         ("seeds", ReportPart.seeds),
         ("images", lambda part: str(part.images(*at(part)))),

@@ -16,9 +16,9 @@ from research.benchmarks.training.curves.measured import Point
 from research.benchmarks.training.curves.measured import load as load_curve
 from research.benchmarks.training.functions.measured import FunctionScores, load
 from surrogate.provenance import code
-from surrogate.report.ceilings import load_ceilings
 from surrogate.report.records import load_report
 from surrogate.report.seeds import Scores, load_scores, summarize_repeats
+from surrogate.report.upper_bounds import load_upper_bounds
 from surrogate.settings import TrainingSettings
 from surrogate.storage.records import Record
 
@@ -36,7 +36,7 @@ class SceneResults:
     base : description of its base appearance.
     variations : number of variations that its surrogate follows.
     report : figures of its report; None without one.
-    ceilings : entries about the same model, as `load_ceilings` has them.
+    upper_bounds : entries about the same model, as `load_upper_bounds` has them.
     seeds, repeats : the scores of the seeds of the same settings, and `summarize_repeats` of them; None for fewer than two.
     studies : its ablations.
     functions : results under transfer functions that were never trained, a record and its rows for each seed.
@@ -52,7 +52,7 @@ class SceneResults:
     base: str = ""
     variations: int = 0
     report: Mapping[str, Any] | None = None
-    ceilings: Sequence[Mapping[str, Any]] = ()
+    upper_bounds: Sequence[Mapping[str, Any]] = ()
     repeats: Mapping[str, Any] | None = None
     studies: Sequence[StudyResults] = ()
     functions: Sequence[tuple[Record, Sequence[FunctionScores]]] = ()
@@ -91,13 +91,15 @@ def read_scene(path: Path, records: Path, runs: Path) -> SceneResults:
     [(base_of_most, _)] = Counter(one.base for one in scores).most_common(1) or [("", 0)]
     mark = base_of_most if report is None else report.key["mark"]
     seeds = [one for one in scores if one.base == mark]
-    ceilings = [entry for entry in load_ceilings(folder) if (entry["surrogate"] or {}).get("fingerprint") == mark]
+    upper_bounds = [
+        entry for entry in load_upper_bounds(folder) if (entry["surrogate"] or {}).get("fingerprint") == mark
+    ]
     outdated = shown != settings.to_json()
     made_by = {one.provenance.code for one in (*seeds, *curve)} | ({report.provenance.code} if report else set())
     return SceneResults(
         *of_scene,
         None if report is None else report.values,
-        ceilings,
+        upper_bounds,
         summarize_repeats(seeds),
         studies,
         functions,

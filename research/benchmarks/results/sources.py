@@ -38,10 +38,10 @@ def _of_scene(scene: SceneResults) -> list[tuple[str, str]]:
         seeds, machines, commits = (scene.repeats[name] for name in ("seeds", "machines", "commits"))
         made = made_from([{"machine": machine, "commit": commit} for machine in machines for commit in commits], seeds)
         sources.append((f"python -m research.studies repeat scenes/{scene.name}.toml --seeds {len(seeds)}", made))
-    if scene.ceilings:
-        seeds = sorted({int(entry["seed"]) for entry in scene.ceilings})
+    if scene.upper_bounds:
+        seeds = sorted({int(entry["seed"]) for entry in scene.upper_bounds})
         sources.append(
-            (f"python -m research.studies ceiling scenes/{scene.name}.toml", made_from(scene.ceilings, seeds))
+            (f"python -m research.studies ceiling scenes/{scene.name}.toml", made_from(scene.upper_bounds, seeds))
         )
     return sources
 

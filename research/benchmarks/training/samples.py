@@ -14,7 +14,7 @@ from pathlib import Path
 
 from catalogs.store.catalog import Catalog
 from research.benchmarks.page import DOCS, command_line, made_by, page_in, stopwatch, table, write_parts
-from research.studies.ceiling import fitted_alone, means_of, subjects
+from research.studies.upper_bound import fitted_alone, means_of, subjects
 from surrogate.settings import TrainingSettings
 from surrogate.splatting.threads import one_torch_thread
 from surrogate.training.source import Source

@@ -19,7 +19,14 @@ from surrogate.report.records import report_path
 from surrogate.report.seeds import save
 from surrogate.storage.checkpoints import fingerprint
 from surrogate.storage.records import Provenance, Record
-from tests.support.results import MACHINE, SETTINGS_OF_SCENE, ceiling_entry, make_catalog, make_scene, save_ceiling
+from tests.support.results import (
+    MACHINE,
+    SETTINGS_OF_SCENE,
+    make_catalog,
+    make_scene,
+    save_upper_bound,
+    upper_bound_entry,
+)
 from tests.support.scores import cells_of, scores_of
 
 
@@ -59,7 +66,7 @@ def report_of(name: str, mark: str, value: float, *, isovalues: float | None = N
 
 
 def make_results(root: Path, name: str, value: float, *, seeds: tuple[float, ...] = ()) -> Catalog:
-    """A scene with its data set, report, ceiling and, with these values, seeds: of the present code, pictures in runs/."""
+    """A scene with its data set, report, upper bound and, with these values, seeds: of the present code, pictures in runs/."""
     make_scene(root, name)
     catalog = make_catalog(root, name)
     records, mark = root / "records" / name, fingerprint(SETTINGS_OF_SCENE, catalog)
@@ -69,7 +76,7 @@ def make_results(root: Path, name: str, value: float, *, seeds: tuple[float, ...
     (root / "runs" / name / "report").mkdir()
     (root / "runs" / name / "report" / "report.json").write_text(json.dumps(report))
     (root / "runs" / name / "report" / "comparison.png").write_bytes(b"a picture")
-    save_ceiling(records, ceiling_entry(mark, value + 2.0))
+    save_upper_bound(records, upper_bound_entry(mark, value + 2.0))
     for seed, reached in enumerate(seeds):
         scores = scores_of(seed, reached, base=mark)
         provenance = replace(scores.provenance, code=code())

@@ -24,7 +24,7 @@ from surrogate.report.report import is_current, write_report
 from surrogate.report.seeds import save
 from surrogate.settings import TrainingSettings
 from surrogate.training.run import train
-from tests.support.results import ceiling_entry, save_ceiling
+from tests.support.results import save_upper_bound, upper_bound_entry
 from tests.support.scores import scores_of
 from tests.support.tables import tables
 
@@ -172,7 +172,7 @@ def test_the_report_holds_all_that_it_promises(run: tuple[Surrogate, Catalog, Pa
 
 @pytest.mark.usefixtures("undrawn")
 @pytest.mark.slow
-def test_a_ceiling_stands_in_the_report_of_the_surrogate_it_was_measured_beside(
+def test_a_upper_bound_stands_in_the_report_of_the_surrogate_it_was_measured_beside(
     run: tuple[Surrogate, Catalog, Path], tmp_path: Path
 ) -> None:
     surrogate, catalog, _ = run
@@ -180,7 +180,7 @@ def test_a_ceiling_stands_in_the_report_of_the_surrogate_it_was_measured_beside(
     assert write_report(report, "disks", surrogate, catalog, evaluation)["ceilings"] == []
     assert "fitted alone" not in (report / "report.md").read_text()
     for mark, stands in (("another run", False), (surrogate.training["fingerprint"], True)):
-        save_ceiling(tmp_path, ceiling_entry(mark, 37.75, "disk"))
+        save_upper_bound(tmp_path, upper_bound_entry(mark, 37.75, "disk"))
         assert is_current(report, surrogate) != stands
         record = write_report(report, "disks", surrogate, catalog, evaluation)
         assert [entry["appearance"] for entry in record["ceilings"]] == (["disk"] if stands else [])

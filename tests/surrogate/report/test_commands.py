@@ -9,7 +9,7 @@ from surrogate.cli import main
 from surrogate.model import Surrogate
 from surrogate.report import records
 from surrogate.report.seeds import save
-from tests.support.results import ceiling_entry, make_catalog, make_scene, save_ceiling
+from tests.support.results import make_catalog, make_scene, save_upper_bound, upper_bound_entry
 from tests.support.scores import scores_of
 
 
@@ -48,13 +48,13 @@ def test_what_is_measured_beside_is_shown_from_the_folder_of_records(tmp_path: P
 
     call("train")
     mark = Surrogate.load(run / "surrogate").training["fingerprint"]
-    save_ceiling(run, ceiling_entry(mark, 30.0))
+    save_upper_bound(run, upper_bound_entry(mark, 30.0))
     call("evaluate")
     assert (run / "evaluation/0.json").is_file()
     assert "nothing to do" in call("evaluate")
     for seed in (0, 1):
         save(kept / "blobs", scores_of(seed, 30.0, base=mark))
-    save_ceiling(kept / "blobs", ceiling_entry(mark, 31.0, "else"))
+    save_upper_bound(kept / "blobs", upper_bound_entry(mark, 31.0, "else"))
     assert "report.md (" in call("evaluate", "--records", str(kept))  # anew, for what is known there
     report = json.loads((run / "report/report.json").read_text())
     assert report["repeats"]["seeds"] == [0, 1]

@@ -78,7 +78,7 @@ def test_what_the_commands_made_stands_on_the_page(tmp_path: Path) -> None:
     spread = results.report["repeats"]["psnr"]["unseen_views"]["unseen_parameters"]
     text = page(tmp_path)
     assert f"| `blobs` | pictures made elsewhere | {spread['mean']:.2f} ± {spread['deviation']:.2f} |" in text
-    assert f"{results.ceilings[0]['psnr']:.2f} ({results.ceilings[0]['surrogate']['psnr']:.2f})" in text
+    assert f"{results.upper_bounds[0]['psnr']:.2f} ({results.upper_bounds[0]['surrogate']['psnr']:.2f})" in text
     assert (tmp_path / "docs/results_blobs_comparison.png").stat().st_size > 5000
 
 

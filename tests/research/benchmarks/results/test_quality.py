@@ -1,4 +1,4 @@
-"""Numbers stand in the cells that they belong to: report, seeds, ceiling and best trivial predictor."""
+"""Numbers stand in the cells that they belong to: report, seeds, upper bound and best trivial predictor."""
 
 from pathlib import Path
 
@@ -8,7 +8,7 @@ from research.benchmarks.results.scenes import SceneResults
 from surrogate.evaluation.cases import SETTINGS
 from surrogate.report.seeds import summarize_repeats
 from tests.research.support.results import report_of
-from tests.support.results import ceiling_entry
+from tests.support.results import upper_bound_entry
 from tests.support.scores import cells_of, scores_of
 
 TITLES = [
@@ -44,7 +44,7 @@ def test_a_report_alone_fills_the_tables() -> None:
     (views,), (parameters,), (joint,) = rows[TITLES[0]], rows[TITLES[1]], rows[TITLES[4]]
     assert views["scene"] == "`vortex`"
     assert views["**unseen views**, PSNR (dB)"] == "30.00"
-    assert views["ceiling (surrogate there), dB"] == "–"
+    assert views["upper bound (surrogate there), dB"] == "–"
     assert parameters["best trivial predictor, dB"] == joint["best trivial predictor, dB"] == "31.00 (nearest member)"
     assert (joint["what"], joint["PSNR (dB)"], joint["SSIM"]) == ("volume rendering", "30.00", "30.0000")
     assert (joint["seeds"], joint["images"]) == ("1", "7")
@@ -62,12 +62,12 @@ def test_seeds_give_means_and_deviations() -> None:
     assert rows[TITLES[4]][0]["FLIP"] == "0.0125"  # which seeds do not have
 
 
-def test_each_part_stands_beside_its_own_ceiling() -> None:
-    ceilings = [ceiling_entry("mark", 33.0), ceiling_entry("mark", 23.0, "iso=1.5", isovalue=1.5)]
-    rows = shown(scene(report=report_of("vortex", "mark", 30.0, isovalues=20.0), ceilings=ceilings))
+def test_each_part_stands_beside_its_own_upper_bound() -> None:
+    upper_bounds = [upper_bound_entry("mark", 33.0), upper_bound_entry("mark", 23.0, "iso=1.5", isovalue=1.5)]
+    rows = shown(scene(report=report_of("vortex", "mark", 30.0, isovalues=20.0), upper_bounds=upper_bounds))
     base, isovalues = rows[TITLES[4]]
-    assert base["ceiling (surrogate there), dB"] == "33.00 (32.50)"
-    assert isovalues["ceiling (surrogate there), dB"] == "23.00 (22.50)"
+    assert base["upper bound (surrogate there), dB"] == "33.00 (32.50)"
+    assert isovalues["upper bound (surrogate there), dB"] == "23.00 (22.50)"
     assert isovalues["what"] == "isovalues"
     assert isovalues["best trivial predictor, dB"] == "31.00 (nearest trained setting)"
     assert isovalues["FLIP"] == "–"
@@ -126,9 +126,9 @@ def test_without_any_report_every_table_says_so() -> None:
         assert quality.table == "No scene has a report of such images yet."
 
 
-def test_a_field_called_like_a_parameter_takes_no_ceiling_from_the_base() -> None:
+def test_a_field_called_like_a_parameter_takes_no_upper_bound_from_the_base() -> None:
     report = report_of("vortex", "mark", 30.0, isovalues=20.0)
     report["variations"][0] |= {"kind": "field", "parameters": [{"name": "p", "low": 0.0, "high": 1.0, "unit": ""}]}
-    base, field = parts_of([scene(report=report, ceilings=[ceiling_entry("mark", 32.0)])])
-    assert base.beside_ceiling() == "32.00 (31.50)"
-    assert field.beside_ceiling() == "–"
+    base, field = parts_of([scene(report=report, upper_bounds=[upper_bound_entry("mark", 32.0)])])
+    assert base.beside_upper_bound() == "32.00 (31.50)"
+    assert field.beside_upper_bound() == "–"

@@ -36,8 +36,9 @@ def test_a_scene_without_records_lacks_everything(tmp_path: Path) -> None:
 def test_what_is_missing_is_named(tmp_path: Path) -> None:
     catalog = make_results(tmp_path, "bare", 30.0)
     shutil.rmtree(tmp_path / "records/bare/ceiling")
+    alone = "python -m research.studies ceiling scenes/bare.toml --records research/records"
     assert gaps(tmp_path, "bare") == {
-        "the ceiling of pictures made elsewhere": "python -m research.studies ceiling scenes/bare.toml --records research/records",
+        "the upper bound of pictures made elsewhere": alone,
         "other seeds": "python -m research.studies repeat scenes/bare.toml",
         "the ablation of the base appearance": "python -m research.studies ablate scenes/bare.toml",
     }
@@ -58,7 +59,7 @@ def test_nothing_is_missing_of_a_whole_scene_and_no_data_set_is_needed_to_know(t
     assert found.report is not None
     assert found.report["gaussians"] == 1234
     assert found.base == "pictures made elsewhere"
-    assert [entry["psnr"] for entry in found.ceilings] == [32.0]
+    assert [entry["psnr"] for entry in found.upper_bounds] == [32.0]
     assert found.repeats is not None
     assert found.repeats["psnr"]["seen_views"]["seen_parameters"]["mean"] == 30.5
     assert [study.budget for study in found.studies] == [60.0]
@@ -72,7 +73,7 @@ def test_results_of_earlier_settings_stand_until_there_are_others_and_are_said_t
     found = read(tmp_path, "changed")
     assert found.outdated
     assert found.earlier
-    assert ((found.report or {})["gaussians"], len(found.seeds), len(found.ceilings), len(found.studies)) == (
+    assert ((found.report or {})["gaussians"], len(found.seeds), len(found.upper_bounds), len(found.studies)) == (
         1234,
         2,
         1,

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from catalogs.store.catalog import Catalog
-from research.studies import ceiling as module
-from research.studies.ceiling import UpperBoundSubject, line, measure_ceiling, subjects
+from research.studies import upper_bound as module
 from research.studies.progress import StudyProgress
+from research.studies.upper_bound import UpperBoundSubject, line, measure_upper_bound, subjects
 from surrogate.initialization.pictures import central_member
 from surrogate.model import Surrogate
-from surrogate.report.ceilings import load_ceilings
+from surrogate.report.upper_bounds import load_upper_bounds
 from surrogate.settings import TrainingSettings
 from surrogate.training.source import Source
 from tests.support.blobs import Blobs
@@ -42,7 +42,7 @@ def test_one_member_alone_is_learnt_well(make_catalog, tmp_path: Path) -> None:
     catalog = make_catalog(SMALL, members=(("train", 0.0), ("train", 1.0), ("test", 0.7)), view_splits=VIEW_SPLITS)
     seen: list[StudyProgress] = []
     settings = SCENE.changed(gaussians=80, canonical_steps=200, deformation_steps=400)
-    entries = measure_ceiling(settings, catalog, tmp_path, progress=seen.append)
+    entries = measure_upper_bound(settings, catalog, tmp_path, progress=seen.append)
     (entry,) = entries
     assert (entry["member"], entry["appearance"], entry["steps"]) == ("member-2", "drawn", 600)
     assert (entry["train_views"], entry["test_views"]) == (6, 2)
@@ -51,13 +51,13 @@ def test_one_member_alone_is_learnt_well(make_catalog, tmp_path: Path) -> None:
     assert entry["seconds"] > 0
     assert (seen[-1].name, seen[-1].number, seen[-1].count, seen[-1].seconds_left) == ("drawn", 1, 1, 0.0)
     assert "600 / 600" in seen[-1].work
-    assert load_ceilings(tmp_path) == entries
+    assert load_upper_bounds(tmp_path) == entries
 
 
 def test_the_base_and_the_middle_unseen_setting_of_every_variation_are_fitted(
     varied: Catalog, surrogate: Surrogate, tmp_path: Path
 ) -> None:
-    found = by_appearance(measure_ceiling(SCENE, varied, tmp_path, surrogate))
+    found = by_appearance(measure_upper_bound(SCENE, varied, tmp_path, surrogate))
     assert {name: entry["steps"] for name, entry in found.items()} == {"dvr": 30, "iso=8": 60, "tf-test-1": 60}
     assert found["iso=8"]["parameters"] == {"p": 0.5, "isovalue": 8.0}
     for entry in found.values():
@@ -72,10 +72,10 @@ def test_nothing_is_fitted_twice_but_a_new_surrogate_is_judged(
     varied: Catalog, surrogate: Surrogate, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     path, settings = tmp_path, SCENE.changed(color_degree=0, visualization_color_degree=0)
-    alone = by_appearance(measure_ceiling(settings, varied, path))
+    alone = by_appearance(measure_upper_bound(settings, varied, path))
     assert all(entry["surrogate"] is None for entry in alone.values())
     monkeypatch.setattr(module, "_fitted_alone", None)
-    both = by_appearance(measure_ceiling(settings, varied, path, surrogate))
+    both = by_appearance(measure_upper_bound(settings, varied, path, surrogate))
     for name, entry in both.items():
         assert entry["surrogate"]["psnr"] > 50.0
         assert entry | {"surrogate": None} == alone[name]
@@ -84,8 +84,8 @@ def test_nothing_is_fitted_twice_but_a_new_surrogate_is_judged(
 @pytest.mark.parametrize("change", [{"gaussians": 41}, {"seed": 1}, {"samples": 2}, {"canonical_steps": 11}])
 def test_other_settings_are_fitted_anew(make_catalog, tmp_path: Path, change: dict) -> None:
     catalog = make_catalog(SMALL, members=(("train", 0.0), ("test", 0.7)), view_splits=VIEW_SPLITS)
-    (before,) = measure_ceiling(SCENE, catalog, tmp_path)
-    (after,) = measure_ceiling(SCENE.changed(**change), catalog, tmp_path)
+    (before,) = measure_upper_bound(SCENE, catalog, tmp_path)
+    (after,) = measure_upper_bound(SCENE.changed(**change), catalog, tmp_path)
     assert before["mark"] != after["mark"]
     assert before["psnr"] != after["psnr"]
 
@@ -104,9 +104,9 @@ def test_an_interruption_keeps_what_is_finished(
 
     monkeypatch.setattr(module, "_fitted_alone", interrupted)
     with pytest.raises(KeyboardInterrupt):
-        measure_ceiling(SCENE, varied, path)
-    assert [entry["appearance"] for entry in load_ceilings(path)] == ["dvr"]
-    measure_ceiling(SCENE, varied, path)
+        measure_upper_bound(SCENE, varied, path)
+    assert [entry["appearance"] for entry in load_upper_bounds(path)] == ["dvr"]
+    measure_upper_bound(SCENE, varied, path)
     assert fitted == ["dvr", "interrupted", "iso=8", "tf-test-1"]
 
 
@@ -153,28 +153,28 @@ def test_a_catalog_that_tests_nothing_is_refused(
 ) -> None:
     catalog = make_catalog(SMALL, members=members, view_splits=view_splits)
     with pytest.raises(ValueError, match="none can be fitted alone"):
-        measure_ceiling(SCENE, catalog, tmp_path)
+        measure_upper_bound(SCENE, catalog, tmp_path)
 
 
 @pytest.mark.parametrize("content", ["", "[]", "{", '{"version": 0, "entries": []}', '{"version": 1}'])
 def test_a_file_that_is_none_counts_as_nothing(tmp_path: Path, content: str) -> None:
-    assert load_ceilings(tmp_path) == []
+    assert load_upper_bounds(tmp_path) == []
     (tmp_path / "ceiling").mkdir()
     (tmp_path / "ceiling" / "drawn.json").write_text(content)
-    assert load_ceilings(tmp_path) == []
+    assert load_upper_bounds(tmp_path) == []
 
 
-def test_a_ceiling_without_its_figures_counts_as_nothing(make_catalog, tmp_path: Path) -> None:
+def test_a_upper_bound_without_its_figures_counts_as_nothing(make_catalog, tmp_path: Path) -> None:
     catalog = make_catalog(SMALL, members=(("train", 0.0), ("test", 0.7)), view_splits=VIEW_SPLITS)
-    measure_ceiling(SCENE, catalog, tmp_path)
+    measure_upper_bound(SCENE, catalog, tmp_path)
     path = tmp_path / "ceiling" / "drawn.json"
     path.write_text(json.dumps(json.loads(path.read_text()) | {"values": {"psnr": 30.0}}))
-    assert load_ceilings(tmp_path) == []
+    assert load_upper_bounds(tmp_path) == []
 
 
 def test_each_has_a_record_with_what_made_it(make_catalog, tmp_path: Path) -> None:
     catalog = make_catalog(SMALL, members=(("train", 0.0), ("test", 0.7)), view_splits=VIEW_SPLITS)
-    (entry,) = measure_ceiling(SCENE, catalog, tmp_path)
+    (entry,) = measure_upper_bound(SCENE, catalog, tmp_path)
     record = json.loads((tmp_path / "ceiling" / "drawn.json").read_text())
     assert record["values"]["psnr"] == entry["psnr"]
     assert record["key"]["settings"] == SCENE.to_json()
@@ -184,17 +184,17 @@ def test_each_has_a_record_with_what_made_it(make_catalog, tmp_path: Path) -> No
 
 def test_other_code_measures_anew(make_catalog, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     catalog = make_catalog(SMALL, members=(("train", 0.0), ("test", 0.7)), view_splits=VIEW_SPLITS)
-    measure_ceiling(SCENE, catalog, tmp_path)
+    measure_upper_bound(SCENE, catalog, tmp_path)
     monkeypatch.setattr(module, "code", lambda *_: "later")
     monkeypatch.setattr(module, "_fitted_alone", lambda *_: {"psnr": 1.0, "ssim": 0.5})
-    assert measure_ceiling(SCENE, catalog, tmp_path)[0]["psnr"] == 1.0
+    assert measure_upper_bound(SCENE, catalog, tmp_path)[0]["psnr"] == 1.0
 
 
 def test_without_a_surrogate_what_an_earlier_one_reached_stays(
     varied: Catalog, surrogate: Surrogate, tmp_path: Path
 ) -> None:
-    beside = measure_ceiling(SCENE, varied, tmp_path, surrogate)
-    assert measure_ceiling(SCENE, varied, tmp_path) == beside
+    beside = measure_upper_bound(SCENE, varied, tmp_path, surrogate)
+    assert measure_upper_bound(SCENE, varied, tmp_path) == beside
 
 
 def test_fields_have_no_unseen_setting_that_could_be_fitted_alone(tmp_path: Path) -> None:

@@ -1,4 +1,4 @@
-"""Ceilings: what as many Gaussians reach that were fitted to one unseen member alone, as records that a report shows."""
+"""Per-member upper bounds: records of as many Gaussians fitted to one unseen member alone, for reports."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ KIND, VERSION = "ceiling", 3
 SHOWN = ("member", "split", "appearance", "parameters", "psnr", "ssim", "surrogate")  # in tables
 
 
-def load_ceilings(records: Path) -> list[dict[str, Any]]:
+def load_upper_bounds(records: Path) -> list[dict[str, Any]]:
     """All entries in the folder of a scene's records, the base appearance first."""
     found = map(entry_of, Record.load_all(records / FOLDER, KIND, VERSION).values())
     whole = [entry for entry in found if set(SHOWN) <= set(entry)]

@@ -25,7 +25,7 @@ from surrogate.lighting import Lighting
 from surrogate.model import DeformedGaussians, Surrogate
 from surrogate.provenance import code
 from surrogate.rasterizer import Rasterizer
-from surrogate.report.ceilings import FOLDER, KIND, VERSION, entry_of
+from surrogate.report.upper_bounds import FOLDER, KIND, VERSION, entry_of
 from surrogate.settings import TrainingSettings
 from surrogate.splatting.cuda import chosen_device
 from surrogate.splatting.threads import one_torch_thread
@@ -64,7 +64,7 @@ class UpperBoundSubject:
 
 
 @one_torch_thread()
-def measure_ceiling(
+def measure_upper_bound(
     settings: TrainingSettings,
     catalog: Catalog,
     records: Path,
