@@ -21,22 +21,22 @@ MEASURED = Path("research/records")
 RECORDS = click.option(
     "--records",
     type=click.Path(path_type=Path),
-    help="Folder of all measured records; what one of the same settings and code answers is not done again.  "
-    f"[default: {MEASURED}, where that is and --runs is not given; else that of --runs]",
+    help="Folder with cached results; runs with the same settings and code are skipped.  "
+    f"[default: {MEASURED} if it exists and --runs is not given, otherwise that of --runs]",
 )
 ENGINE = click.option("--engine", metavar="dask://HOST:PORT", help="Train on the workers of a Dask cluster.")
 
 
 @dataclass(frozen=True, eq=False)
 class StudiedRun:
-    """A run, and the folder of the records of what is measured of it, such as research/records/tgv."""
+    """A run, and the folder of its measured records, such as research/records/tgv."""
 
     run: OpenRun
     records: Path
 
     @classmethod
     def open(cls, path: Path, runs: Path, records: Path | None) -> StudiedRun:
-        """The run that `path` names, a scene file or a run's folder; raises ClickException for what the user can mend."""
+        """The run that `path` names, a scene file or a run's folder; raises ClickException for errors that the user can fix."""
         run = OpenRun.open(path, runs)
         if records is None and not run.is_of_catalog:
             records = MEASURED if runs == RESULTS and MEASURED.is_dir() else runs
@@ -56,12 +56,12 @@ class StudiedRun:
 @SCENE
 @RUNS
 @RECORDS
-@click.option("--seeds", default=3, show_default=True, help="How many seeds, the scene's own the first of them.")
+@click.option("--seeds", default=3, show_default=True, help="Number of seeds, beginning with the scene's own.")
 @ENGINE
 def repeat(scene: Path, runs: Path, records: Path | None, seeds: int, engine: str | None) -> None:
-    """Train a SCENE, or anew a RUN, with several seeds, and say how much its figures vary; goes on where it was interrupted.
+    """Train a SCENE, or a RUN again, with several seeds and report the variation of its figures. Resumes where it was interrupted.
 
-    The scene's own seed is the model that `surrogate train` makes, or has made; the others lie in RUNS/<scene>/seeds.
+    The model with the scene's own seed is that of `surrogate train`; the others lie in RUNS/<scene>/seeds.
     """
     studied, line = StudiedRun.open(scene, runs, records), ProgressLine()
     opened = studied.run
@@ -75,7 +75,7 @@ def repeat(scene: Path, runs: Path, records: Path | None, seeds: int, engine: st
         reached = "" if psnr is None else f"{psnr:.2f} dB at unseen views and parameters, "
         click.echo(f"seed {scores.seed}: {reached}trained in {scores.seconds:.0f} s")
 
-    resumed = "what is trained and scored is kept, and the same command goes on"
+    resumed = "finished seeds are stored; run the same command to resume"
     with one_line_errors(RuntimeError, interrupted=resumed), line, studied.engine_at(engine, line) as hands:
         of_scene = opened.settings, opened.catalog, opened.folder
         scores = run(*of_scene, records=studied.records, seeds=seeds, engine=hands, progress=line, tell=tell)
@@ -94,9 +94,9 @@ def repeat(scene: Path, runs: Path, records: Path | None, seeds: int, engine: st
 @RECORDS
 @click.option("--seconds", default=180.0, show_default=True, help="Processor time of each fit.")
 @click.option("--seeds", default=3, show_default=True, help="Number of seeds per variant.")
-@click.option("--only", multiple=True, metavar="NAME[,NAME...]", help="Variants; the default is always among them.")
+@click.option("--only", multiple=True, metavar="NAME[,NAME...]", help="Variants; the default one is always included.")
 @click.option(
-    "--longest", type=float, help="Seconds that a fit of given steps may take.  [default: ten times --seconds]"
+    "--longest", type=float, help="Time limit in seconds of a fit with given steps.  [default: ten times --seconds]"
 )
 @click.option("--again", is_flag=True, help="Repeat fits that took 15 % more or less than --seconds.")
 @click.option("--visualization", is_flag=True, help="Train F_vis alone, on the scene's finished surrogate.")
@@ -110,10 +110,10 @@ def ablate(
     engine: str | None,
     **options: Any,
 ) -> None:
-    """Train a SCENE, or a RUN, in many ways for the same time each and compare them on validation images; can be interrupted.
+    """Train variants of a SCENE or a RUN for equal time each and compare them on validation images. Can be interrupted.
 
-    Started several times it shares the fits out: with `taskset` one for each core.  What else the machine does changes little.
-    With --engine all workers should be of one kind, since each fit is given the same processor time.
+    Several instances share the fits: with `taskset`, start one for each core. Other load on the machine changes little.
+    With --engine all workers should be of one kind, since each fit gets the same processor time.
     """
     studied, line = StudiedRun.open(scene, runs, records), ProgressLine()
     opened = studied.run
@@ -129,7 +129,7 @@ def ablate(
         done = f"{result.psnr:.2f} dB after {result.steps:,} steps in {result.seconds:.0f} s"
         click.echo(f"{result.variant}, seed {result.seed}: {result.error or done}")
 
-    resumed = "finished fits are kept, and the same command goes on with the others"
+    resumed = "finished fits are stored; run the same command to resume"
     with one_line_errors(RuntimeError, interrupted=resumed):
         experiment: Experiment = (
             VisualizationExperiment(opened.settings, opened.catalog, load_surrogate(opened.model))
@@ -151,36 +151,38 @@ def ablate(
     "--methods",
     multiple=True,
     metavar="NAME[,NAME...]",
-    help="Who is compared.  [default: the usual ones]",
+    help="Compared methods.  [default: the usual ones]",
 )
 @click.option("--minutes", default="5", show_default=True, metavar="M[,M...]", help="Processor time of each training.")
-@click.option("--seeds", default=1, show_default=True, help="Trainings of each method in each time.")
+@click.option("--seeds", default=1, show_default=True, help="Trainings of each method for each time.")
 @click.option(
     "--published",
     is_flag=True,
-    help="Sizes and numbers of steps as published, in place of --minutes and of sizes that a processor can train in these.",
+    help="Use the published sizes and numbers of steps, instead of --minutes and of sizes for a processor.",
 )
 @click.option(
     "--device",
     type=click.Choice(["cpu", "cuda"]),
     default="cpu",
     show_default=True,
-    help="Where all compute.  On a GPU minutes are those of the wall.",
+    help="Device of all trainings.  On a GPU, minutes are wall-clock time.",
 )
 @click.option(
     "--stop-after",
     type=float,
     default=math.inf,
     metavar="MINUTES",
-    help="End after so long; the same command goes on where it stopped.",
+    help="Stop after this time; run the same command to resume.",
 )
 @click.option(
     "--threads",
     default=1,
     show_default=True,
-    help="Of torch, in the training of published methods; what draws Gaussians takes all cores that the process may use.",
+    help="Torch threads in the training of published methods; rendering of Gaussians uses all available cores.",
 )
-@click.option("--tune", is_flag=True, help="Instead choose each method's rates on this scene, for all scenes.")
+@click.option(
+    "--tune", is_flag=True, help="Choose each method's rates on this scene, for all scenes, instead of comparing."
+)
 @ENGINE
 def compare(
     scene: Path,
@@ -193,16 +195,14 @@ def compare(
     engine: str | None,
     **form: Any,
 ) -> None:
-    """Train published methods and ours on a SCENE's or a RUN's pictures, for the same time each, and compare them on test images.
+    """Train published methods and ours on a SCENE's or a RUN's images, for equal time each, and compare them on test images.
 
-    Started several times it shares the trainings out: with `taskset` one for each core.  What is finished is kept, and training
-    of a published method goes on from its last checkpoint after an interruption.  With --engine all workers should be of one
-    kind, since each training is given the same processor time.
+    Several instances share the trainings: with `taskset`, start one for each core. Finished results are stored, and an
+    interrupted training of a published method resumes from its last checkpoint. With --engine all workers should be of
+    one kind, since each training gets the same processor time.
     """
     if engine is not None and form["stop_after"] < math.inf:
-        raise click.ClickException(
-            "--stop-after is for this machine: with --engine, Ctrl-C takes back what has not begun"
-        )
+        raise click.ClickException("--stop-after is for this machine: with --engine, Ctrl-C cancels queued trainings")
     studied, line = StudiedRun.open(scene, runs, records), ProgressLine()
     opened = studied.run
     from research.studies.comparison import run as comparing
@@ -217,7 +217,7 @@ def compare(
         line.close()
         click.echo(f"{method}, {rate:g} times its rates: {'diverged' if psnr is None else f'{psnr:.2f} dB'}")
 
-    resumed = "what was done is kept, and the same command goes on"
+    resumed = "finished results are stored; run the same command to resume"
     names = [name.strip() for given in methods for name in given.split(",")]
     with one_line_errors(RuntimeError, interrupted=resumed), line, studied.engine_at(engine, line) as hands:
         options = comparing.RunOptions(names, comparing.times_of(minutes), seeds, **form)
@@ -228,7 +228,7 @@ def compare(
         if as_published := study.at_published_rates():
             line.close()
             click.echo(
-                f"trained at published rates: {', '.join(as_published)}; {study.all_records} has no others, --tune chooses them"
+                f"trained at published rates: {', '.join(as_published)}; {study.all_records} has no tuned ones, --tune chooses them"
             )
         try:
             study.run(line, tell, hands)
@@ -242,7 +242,8 @@ def compare(
 @RUNS
 @RECORDS
 def ceiling(scene: Path, runs: Path, records: Path | None) -> None:
-    """Fit the Gaussians of a SCENE or a RUN to one unseen member alone: what they could reach, beside what the surrogate does."""
+    """Measure the per-member upper bound of a SCENE or a RUN: its Gaussians fitted to one unseen member alone, beside
+    the surrogate."""
     studied = StudiedRun.open(scene, runs, records)
     opened = studied.run
     from research.studies.upper_bound import line, measure_upper_bound
@@ -258,15 +259,13 @@ def ceiling(scene: Path, runs: Path, records: Path | None) -> None:
 
 
 @click.command()
-@click.option("--backend", default="cpu", show_default=True, help="Of surrogate.splatting.render.")
-@click.option(
-    "--drift/--no-drift", default=True, show_default=True, help="Whether training is tried in both precisions."
-)
+@click.option("--backend", default="cpu", show_default=True, help="Backend of surrogate.splatting.render.")
+@click.option("--drift/--no-drift", default=True, show_default=True, help="Also compare training in both precisions.")
 @click.option(
     "-o", "--output", default="stress", show_default=True, help="Folder of the page.", type=click.Path(path_type=Path)
 )
 def stress(backend: str, drift: bool, output: Path) -> None:
-    """Hold the splatting engine to a table of hard cases; writes stress.md and stress.png, and fails where a row does."""
+    """Check the splatting engine on a table of hard cases; writes stress.md and stress.png, and fails if a case fails."""
     from research.studies.stress.check import CaseOutcome, tables
     from research.studies.stress.drift import measure_drift
     from research.studies.stress.functions import FunctionOutcome, check_function, function_cases
@@ -283,7 +282,7 @@ def stress(backend: str, drift: bool, output: Path) -> None:
     }
 
     def tell(name: str, outcome: CaseOutcome | FunctionOutcome) -> None:
-        said = "holds " if outcome.passed else "MISSED"
+        said = "passed" if outcome.passed else "FAILED"
         click.echo(f"{said}  {name}  {outcome.case.name}  {'; '.join(outcome.complaints)}")
 
     with one_torch_thread():
@@ -296,6 +295,6 @@ def stress(backend: str, drift: bool, output: Path) -> None:
     missed = [outcome.case.name for rows in outcomes.values() for outcome in rows if not outcome.passed]
     missed += [outcome.case.name for outcome in functions if not outcome.passed]
     missed += drifted.complaints if drifted else ()
-    click.echo(f"{output / PAGE}: {'all rows hold' if not missed else f'{len(missed)} rows are missed'}")
+    click.echo(f"{output / PAGE}: {'all cases pass' if not missed else f'{len(missed)} cases fail'}")
     if missed:
         raise click.ClickException("; ".join(missed))

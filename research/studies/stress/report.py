@@ -93,12 +93,12 @@ def _page(
     every: list[tuple[str, CaseOutcome | FunctionOutcome]] = [(name, o) for name, of in tables.items() for o in of]
     every += [("values", o) for o in functions]
     missed, on = [(name, o) for name, o in every if not o.passed], machine()
-    verdict = f"{len(missed)} rows are missed." if missed else "All rows hold."
+    verdict = f"{len(missed)} cases fail." if missed else "All cases pass."
     return document(
         INTRODUCTION.format(
             backends=", ".join(tables), verdict=verdict, commit=commit(), where=in_words(on), system=on["system"]
         ),
-        "\n".join(f"- missed: {o.case.name} ({name}): {'; '.join(o.complaints)}" for name, o in missed),
+        "\n".join(f"- failed: {o.case.name} ({name}): {'; '.join(o.complaints)}" for name, o in missed),
         DRAWN.format(picture=PICTURE, margin=MARGIN),
         table_of(
             drawn,

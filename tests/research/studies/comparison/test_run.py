@@ -96,7 +96,7 @@ def test_a_command_says_who_trains_at_published_rates(run: Path, monkeypatch: py
     tuned = CliRunner().invoke(main, [*words, "visnerf", "--tune"])
     assert tuned.exit_code == 0, tuned.output
     both = CliRunner().invoke(main, [*words, "k-planes,visnerf", "--minutes", "0.001"])
-    assert f"trained at published rates: k-planes; {run.parent} has no others, --tune chooses them" in both.output
+    assert f"trained at published rates: k-planes; {run.parent} has no tuned ones, --tune chooses them" in both.output
     for silent, end in (
         (["visnerf", "--minutes", "0.001", "--seeds", "2"], "seed 1"),
         (["k-planes,visnerf", "--minutes", "0.001"], "comparison.md"),

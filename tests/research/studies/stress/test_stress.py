@@ -168,9 +168,9 @@ def test_the_command_writes_the_page_and_fails_where_a_row_does(tmp_path: Any, m
     done = CliRunner().invoke(main, ["stress", "-o", str(tmp_path / "good")])
     assert done.exit_code == 0, done.output
     rows = len(cases()) + len(agreements()) + len(refusals())
-    assert done.output.count("holds ") == rows * len(kernels.instruction_sets()) + len(function_cases())
+    assert done.output.count("passed") == rows * len(kernels.instruction_sets()) + len(function_cases())
     page = (tmp_path / "good" / "stress.md").read_text()
-    assert "All rows hold." in page
+    assert "All cases pass." in page
     assert "It does not drift." in page
     assert "\n| 60 | " in page
     assert "\n| one Gaussian | 1e-05 | " in page
