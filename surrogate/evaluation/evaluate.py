@@ -162,10 +162,10 @@ class _Engine:
         if not middle:
             return {}
 
-        def asked(case: Case) -> dict[str, float | str]:
+        def at_middle(case: Case) -> dict[str, float | str]:
             return {**middle, **case.varied}
 
-        frozen = SurrogatePredictor(self.surrogate.at, self.catalog.plan.background, asked, (AT_CENTER,))
+        frozen = SurrogatePredictor(self.surrogate.at, self.catalog.plan.background, at_middle, (AT_CENTER,))
         [scores] = score_cases(frozen, self.catalog, all_cases(cells), progress=progress)
         return by_cell(cells, scores)
 

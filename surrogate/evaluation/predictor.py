@@ -43,19 +43,19 @@ class SurrogatePredictor:
     ----------
     at : `Surrogate.at`, or another function from parameters by name to Gaussians.
     background : the colour behind opaque images; None for images with alpha.
-    asked : returns the parameters at which a case is rendered, by default its own.
+    parameters_of : returns the parameters at which a case is rendered, by default its own.
     """
 
     at: Callable[..., DeformedGaussians]
     background: Sequence[float] | None
-    asked: Callable[[Case], Mapping[str, float | str]] = lambda case: case.parameters
+    parameters_of: Callable[[Case], Mapping[str, float | str]] = lambda case: case.parameters
     names: Sequence[str] = ("the surrogate",)
 
     def batches(self, cases: Sequence[Case]) -> Iterator[tuple[Sequence[Case], Draw]]:
         """See `Predictor`."""
         batches: dict[tuple[tuple[str, float | str], ...], list[Case]] = {}
         for case in cases:
-            batches.setdefault(tuple(self.asked(case).items()), []).append(case)
+            batches.setdefault(tuple(self.parameters_of(case).items()), []).append(case)
         for parameters, batch in batches.items():
             deformed = self.at(**dict(parameters))
             yield batch, partial(self._drawn, deformed)

@@ -103,7 +103,7 @@ def score_cases(
 
 
 def by_cell(cells: CaseCells, scores: Mapping[Case, Scored]) -> Cells:
-    """The scores by cell; `found` has all their images."""
+    """The scores by cell; `scores` has all their images."""
     return each_cell(cells, lambda group: [scores[case] for case in group])
 
 

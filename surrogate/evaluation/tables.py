@@ -138,23 +138,22 @@ def center_table(record: Mapping[str, Any], names: tuple[str, str]) -> list[str]
     if center is None:
         return []
 
-    def worth(row: str, column: str) -> str:
+    def gap(row: str, column: str) -> str:
         return signed_number(lead(record["psnr"][row][column], center["psnr"][row][column]))
 
     at = ", ".join(f"{name} = {value:.4g}" for name, value in center["parameters"].items())
     metrics = ("psnr", "psnr_foreground", "ssim")
     cells = [(row, column, count) for row, of in center["images"].items() for column, count in of.items() if count]
     return [
-        f"Every member shown as the surrogate at the centre of the parameters ({at}) shows it: what is missing here is what "
-        "following the parameters is worth.",
+        f"Baseline: the surrogate frozen at the centre of parameter space ({at}).  The gap is the value of parameter dependence.",
         table(
-            (*names, *(HEADINGS[m] for m in metrics), "worth (dB)", "images"),
+            (*names, *(HEADINGS[m] for m in metrics), "gap (dB)", "images"),
             (
                 (
                     _short(row),
                     _short(column),
                     *(metric_number(m, center[m][row][column]) for m in metrics),
-                    worth(row, column),
+                    gap(row, column),
                     str(count),
                 )
                 for row, column, count in cells

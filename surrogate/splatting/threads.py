@@ -69,9 +69,9 @@ def _one_after_fork() -> None:
 def _begin_alone() -> None:
     """Call the vector mathematics of MKL once, from one thread.
 
-    MKL chooses its code for the processor at the first call. When the first calls of two threads coincide, they get a version of
-    lower accuracy, in one start of a hundred. torch.exp then differed by 2e-5, and with it the first image of a
-    process.
+    MKL chooses its code for the processor at the first call. When the first calls of two threads coincide, in one start of
+    a hundred, they get a version of lower accuracy. Results of torch.exp then differed by 2e-5, and with them the first
+    image of a process.
     """
     torch.zeros(1).exp_()
 
