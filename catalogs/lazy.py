@@ -6,8 +6,12 @@ The stub `__init__.pyi` beside the package is the table of its names, for type c
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import wraps
 from importlib import import_module
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    import click
 
 EXTRAS = {"insitu": "insitu", "render": "insitu", "surrogate": "surrogate"}  # what brings their dependencies
 
@@ -35,3 +39,22 @@ def public_names(package: str, path: str) -> tuple[list[str], Callable[[str], An
             raise ModuleNotFoundError(remedy, name=error.name) from error
 
     return list(homes), load, lambda: [*homes, "__version__"]
+
+
+def with_remedy(command: click.Command, extra: str) -> click.Command:
+    """The same command, which reports a missing package in one sentence that names the extra."""
+    import click
+
+    run = command.callback
+    assert run is not None
+
+    @wraps(run)
+    def reported(*arguments: Any, **options: Any) -> Any:
+        try:
+            return run(*arguments, **options)
+        except ModuleNotFoundError as error:
+            remedy = f"`{command.name}` needs the package {error.name}: pip install 'gs-surrogate[{extra}]'"
+            raise click.ClickException(remedy) from error
+
+    command.callback = reported
+    return command

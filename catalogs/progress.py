@@ -1,7 +1,7 @@
 """Progress of a command on one line, with rate and time left: on a terminal, in a notebook and in a log.
 
-Written here rather than taken from tqdm or rich: in a log the one writes a bar ten times a second or nothing, the other nothing
-before the end, and here a log gets a line every 15 s.
+Written here rather than taken from tqdm or rich.  In a log tqdm writes a bar ten times a second or nothing, and rich nothing before
+the end.  Here a log gets a line every 15 s.
 """
 
 from __future__ import annotations

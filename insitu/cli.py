@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import click
 
+from catalogs.lazy import with_remedy
 from catalogs.version import version_option
 from insitu.commands.dataset import dataset
 from insitu.commands.ensemble import ensemble
@@ -19,4 +20,4 @@ def main() -> None:
 
 
 for command in (dataset, ensemble, watch, probe, library):
-    main.add_command(command)
+    main.add_command(with_remedy(command, "insitu"))

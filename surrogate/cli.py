@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import click
 
+from catalogs.lazy import with_remedy
 from catalogs.version import version_option
 from surrogate.explore.commands import explore
 from surrogate.explore.exporting.commands import export, sweep
@@ -18,4 +19,4 @@ def main() -> None:
 
 
 for command in (export, sweep, train, evaluate, show, explore):
-    main.add_command(command)
+    main.add_command(with_remedy(command, "surrogate"))

@@ -1,4 +1,4 @@
-"""What the commands of all rooms share: their arguments, a run with its catalog, and errors told in one line."""
+"""Arguments, runs and one-line errors that all commands share."""
 
 from __future__ import annotations
 
@@ -86,12 +86,12 @@ class OpenRun:
 
     @property
     def is_of_catalog(self) -> bool:
-        """Whether no scene file, but its folder names it."""
+        """True if the run's folder names it, rather than a scene file."""
         return self.source.is_dir()
 
     @property
     def model(self) -> Path:
-        """Where its surrogate is kept."""
+        """The folder of its surrogate."""
         return self.folder / "surrogate"
 
     def keep_record(self) -> None:
@@ -107,7 +107,7 @@ class OpenRun:
 
 
 def kind_of(path: Path) -> str:
-    """Whether a path is a "scene", a "catalog", or the folder of a "run"; raises ClickException where it is none of them."""
+    """The kind of a path, "scene", "catalog" or "run"; raises ClickException for anything else."""
     if path.is_dir():
         is_run = (path / "run.json").is_file() or (path / "surrogate").is_dir()
         return "catalog" if (path / "catalog.json").is_file() or (path.suffix == ".cdb" and not is_run) else "run"
@@ -140,7 +140,7 @@ def load_surrogate(directory: Path) -> Surrogate:
 def one_line_errors(*more: type[Exception], interrupted: str = "", extra: str = "") -> Iterator[None]:
     """Tell ValueError, OSError and `more` in one line, without a traceback; say `interrupted` after Ctrl-C.
 
-    With `extra` a package that is missing is told too, with the extra of this project that installs it.
+    With `extra`, a missing package is reported too, with the extra of this project that installs it.
     """
     told: tuple[type[Exception], ...] = (ValueError, OSError, *more)
     try:

@@ -39,8 +39,9 @@ def code(*also: str) -> str:
     """16 hex digits that change with the code that trains and evaluates, but not with comments, docstrings or names of modules.
 
     A SHA-256 over the statements of `MEASURING`, of the modules `also`, and of all modules of this project that they import,
-    directly or not, but for those that only show; and over the sources of the C++ kernels or, where these are not installed,
-    the version of the package.  Torch, other libraries and the compiler are not in it; another version of Python may give
+    directly or not, without those that only show.  It covers the sources of the C++ kernels too or, where these are not
+    installed, the version of the package.  Torch, other libraries and the compiler are not in it; another version of
+    Python may give
     another mark.
     """
     mark = hashlib.sha256()
@@ -133,7 +134,7 @@ def _file(name: str) -> Path | None:
 
 
 def _folder(package: str) -> Path:
-    """Where a package of this project lies."""
+    """The folder of a package of this project."""
     found = importlib.util.find_spec(package)
     if found is None or not found.submodule_search_locations:
         raise ModuleNotFoundError(f"the package {package} is not installed: run `pip install gs-surrogate`")

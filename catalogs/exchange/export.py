@@ -43,8 +43,8 @@ def export(
 
     Parameters
     ----------
-    kind : "nerf": `transforms_{train,val,test}.json` of all members, as in D-NeRF and ViSNeRF.  "colmap": for each member a folder
-        `<member>/` with `images/` and `sparse/0/`, as the official code of 3D Gaussian splatting reads it.
+    kind : "nerf" or "colmap".  The first writes `transforms_{train,val,test}.json` of all members, as in D-NeRF.  The second writes
+        a folder `<member>/` each with `images/` and `sparse/0/`, as the code of 3D Gaussian splatting reads it.
     appearance : the exported one; required if there are several.
     members : names; all by default.
     background : RGB in [0, 1] behind the images.  By default "nerf" keeps alpha, and "colmap" has black, since its readers

@@ -63,7 +63,7 @@ class MemberWriter:
         """Store premultiplied RGBA [H, W, 4], uint8 or float32 in [0, 1], of the camera's size.
 
         Raises CatalogError for an unknown appearance or view, another size, or a transparent image where the catalog has a
-        background; ValueError for another dtype or NaN; OSError where the disk refuses.
+        background.  Raises ValueError for another dtype or NaN, and OSError where the disk refuses.
         """
         plan = self._catalog.plan
         if appearance not in self.member.appearances:

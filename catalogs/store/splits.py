@@ -144,7 +144,7 @@ def _places(members: Sequence[Member], space: ParameterSpace) -> NDArray[np.floa
 def _distance_to_hull(points: NDArray[np.float64], place: NDArray[np.float64]) -> float:
     """Distance d of a place (P,) from the convex hull of points (M, P); 0 inside.
 
-    By non-negative least squares, with the sum s of the weights as one more equation: its squared residual is the minimum of
+    Found by non-negative least squares, with the sum s of the weights as one more equation.  Its squared residual is the minimum of
     (s d)^2 + (1 - s)^2 over s, which is d^2 / (1 + d^2).
     """
     from scipy.optimize import nnls

@@ -5,9 +5,9 @@
           .journal        state after the last commit, see `catalogs.store.journal`
           .unfinished/    members that are being written
 
-A commit takes the spare table, which lacks only the last member, appends the missing rows, syncs it, and renames it to `data.csv`;
-the file that had this name becomes the spare.  A spare that a reader still has open is replaced by a copy of the table; so it is
-where the file system can't tell, because it has no leases (`durable.opened_elsewhere`).  Everything hidden is derived; where it
+A commit takes the spare table, which lacks only the last member, appends the missing rows, syncs it, and renames it to `data.csv`.
+The file that had this name becomes the spare.  A spare that a reader still has open is replaced by a copy of the table.  The same
+holds on file systems without leases, which can't tell (`durable.opened_elsewhere`).  Everything hidden is derived; where it
 does not match the disk, the table is rebuilt from the members.
 
 Appending to `data.csv` itself would be simpler.  But a writer killed within the append, or a power cut, would leave half a row to

@@ -1,8 +1,8 @@
 """Pinhole cameras in OpenCV axes, and the fixed set of viewpoints around a volume.
 
-A camera maps world points to pixels by the pinhole model of Hartley & Zisserman,
-"Multiple View Geometry", section 6.1:  ``u = fx * x / z + cx``, ``v = fy * y / z + cy`` with
-``(x, y, z)`` in camera axes (x right, y down, z forward).  The centre of pixel (column i, row j)
+A camera maps world points to pixels by the pinhole model (Hartley & Zisserman, "Multiple View Geometry", section 6.1).
+With ``(x, y, z)`` in camera axes (x right, y down, z forward), ``u = fx * x / z + cx`` and ``v = fy * y / z + cy``. 
+The centre of pixel (column i, row j)
 lies at ``(i + 0.5, j + 0.5)``.
 """
 
@@ -167,7 +167,7 @@ def icosphere(frequency: int = 5) -> NDArray[np.float64]:
     """Unit vectors (10 * frequency**2 + 2, 3): vertices of the geodesic icosahedron.
 
     Each face of an icosahedron with vertices at the cyclic permutations of (0, +-1, +-phi) is split into
-    `frequency`**2 triangles and projected to the sphere (class I geodesic polyhedron; Goldberg 1937).
+    `frequency`**2 triangles.  They are projected to the sphere (class I geodesic polyhedron; Goldberg 1937).
     Frequency 5 gives the method's 252 viewpoints.  Orientation and order are fixed: ring by ring of edges from the corner
     (0, -1, phi), each ring by azimuth around it.  So the even and the odd viewpoints each cover the sphere evenly: at frequency 5
     no view is further than 14.1 degrees from one of the other half.

@@ -43,7 +43,7 @@ copied); the same input gives bitwise the same output for any number of threads.
             quats before
     ray_opacities(gaussians, position, shortest_quaternion, threads, instruction_set="")
             -> opacities (N,) along the rays from a position (3,) through the centres
-            gaussians: means, log_scales, quats, logits (N,); quaternions not longer than the shortest are no rotation
+            gaussians: means, log_scales, quats, logits (N,); quaternions not longer than the shortest stand for the identity
     ray_opacities_gradient(gaussians, position, shortest_quaternion, by_opacities, threads, instruction_set="")
             -> gradients by means, log_scales, quats, logits
     directional_colors(means, colors, position, threads, instruction_set="")

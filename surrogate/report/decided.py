@@ -1,4 +1,4 @@
-"""How many validation images decided something about a model: fewer than a report shows."""
+"""The number of validation images that decided something about a model: fewer than a report shows."""
 
 from __future__ import annotations
 

@@ -52,7 +52,7 @@ def page(record: Mapping[str, Any], pictures: Mapping[str, str]) -> str:
 
 
 def _ensemble(record: Mapping[str, Any] | None) -> str:
-    """What was learnt, and from which members."""
+    """The learnt appearance, and the members it was learnt from."""
     return "" if record is None else f"The surrogate {record['learnt']}.  {record['members']}."
 
 
@@ -99,7 +99,7 @@ def _without_baselines(record: Mapping[str, Any]) -> str:
 
 
 def _upper_bounds(record: Mapping[str, Any]) -> list[str]:
-    """What limits the figures: the same Gaussians, fitted to one unseen member alone."""
+    """The per-member upper bound: the same Gaussians, fitted to one unseen member alone."""
     if not record["ceilings"]:
         return []
     return [
@@ -141,7 +141,7 @@ def _needs(record: Mapping[str, Any]) -> list[str]:
         return []
 
     def change(text: Callable[[Any, Any], str]) -> Callable[[Any], str]:
-        """What `text` says of the model before and after a choice, where both are known."""
+        """The `text` of the model before and after a choice, where both are known."""
         return lambda choice: (
             text(choice["before"], choice["after"]) if choice["before"] and choice["after"] else NOTHING
         )

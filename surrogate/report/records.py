@@ -18,7 +18,7 @@ EVERY_FIGURE = ("at_center",)  # added since records of this version were first 
 
 
 def report_path(records: Path, seed: int) -> Path:
-    """Where the figures are kept in the folder of a scene's records."""
+    """The file of the figures in the folder of a scene's records."""
     return records / FOLDER / f"{seed}.json"
 
 
@@ -33,12 +33,12 @@ def save_report(
 
 
 def load_report(records: Path, seed: int) -> Record | None:
-    """What is kept of a seed, whose values are the figures; None without any of this version of the evaluation."""
+    """The record of a seed, whose values are the figures; None without any of this version of the evaluation."""
     return Record.load(report_path(records, seed), KIND, VERSION, {"seed": seed})
 
 
 def is_kept(records: Path, seed: int, mark: str, trained_by: str) -> bool:
-    """Whether figures of a seed are kept, all that a report has, of the model of this fingerprint, trained by this code."""
+    """True if all figures of a report are stored for a seed's model of this fingerprint, trained by this code."""
     known = load_report(records, seed)
     whole = known is not None and set(EVERY_FIGURE) <= set(known.values)
     return known is not None and whole and known.agrees({"mark": mark}) and known.provenance.code == trained_by

@@ -25,7 +25,7 @@ RECORD = "report.json"
 
 
 def is_current(directory: Path, surrogate: Surrogate, records: Path | None = None) -> bool:
-    """Whether `directory` holds a report of exactly this surrogate and of what `write_report` would show beside it."""
+    """True if `directory` holds a report of exactly this surrogate and of all that `write_report` would show beside it."""
     found = (read_json(directory / RECORD) or {}).get("fingerprint")
     beside = _beside(surrogate, directory.parent, records)
     return bool(found == fingerprint(surrogate, PerceptualMetrics.load().unavailable, *beside))

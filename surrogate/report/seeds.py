@@ -25,7 +25,7 @@ SIZES = ("gaussians", "megabytes", "seconds", "processor_seconds")
 
 @dataclass(frozen=True)
 class Scores:
-    """How well the model of one seed does on the test images of a report.
+    """Scores of the model of one seed on the test images of a report.
 
     Attributes
     ----------
@@ -55,7 +55,7 @@ class Scores:
 
 
 def scores_path(records: Path, seed: int) -> Path:
-    """Where the scores of a seed are kept in the folder of a scene's records."""
+    """The file of a seed's scores in the folder of a scene's records."""
     return records / FOLDER / f"{seed}.json"
 
 
@@ -65,7 +65,7 @@ def save(records: Path, scores: Scores) -> None:
 
 
 def load(records: Path, seed: int) -> Scores | None:
-    """What is kept of a seed; None for nothing, for what is damaged, and for what another version wrote or judged."""
+    """The scores of a seed; None if there are none, if they are damaged, or if another version wrote or judged them."""
     return next(iter(load_scores(records, seed=seed)), None)
 
 
@@ -113,7 +113,7 @@ def spread(values: Sequence[Any]) -> dict[str, Any] | None:
 
 
 def summarize_repeats(scores: Sequence[Scores]) -> dict[str, Any] | None:
-    """What `report.json` says about seeds; None for fewer than two.
+    """The entry of `report.json` about seeds; None for fewer than two.
 
     Where a report has a number, this has its "mean" and "deviation"; None where the data set has no such images.
     """

@@ -86,7 +86,7 @@ def summarize(
 
 
 def _scores(part: Evaluation | VariedEvaluation, *more: str) -> dict[str, Any]:
-    """How good and how fast, by the metrics of every report and `more`."""
+    """Quality and speed, by the metrics of every report and `more`."""
     return {
         "milliseconds": {name: taken.median for name, taken in part.milliseconds.items()},
         "milliseconds_spread": {name: [taken.lowest, taken.highest] for name, taken in part.milliseconds.items()},

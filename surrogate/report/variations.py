@@ -1,4 +1,4 @@
-"""What a report says about visualization parameters: how unseen isovalues or transfer functions fare beside seen ones.
+"""The section of a report on visualization parameters: unseen isovalues or transfer functions beside seen ones.
 
 Of other fields none is unseen: all are trained.
 """
@@ -111,7 +111,7 @@ def _baselines(record: Mapping[str, Any]) -> list[str]:
 
 
 def _remark(shown: Mapping[str, Sequence[int]], trained: int) -> str:
-    """Where members show only a part of the trained settings."""
+    """A sentence about members that show only a part of the trained settings."""
     parts = [
         f"{column.replace('_', ' ')}: from {fewest if fewest == most else f'{fewest} to {most}'} of {trained}"
         for column, (fewest, most) in shown.items()

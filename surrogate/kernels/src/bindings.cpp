@@ -287,7 +287,7 @@ Table bound_extinction_table(Doubles values, Doubles color_points, Doubles opaci
 }  // namespace gs
 
 NB_MODULE(_kernels, m) {
-    nb::set_leak_warnings(false);  // a drawing that a global holds at exit is no leak
+    nb::set_leak_warnings(false);  // a drawing in a global variable at exit is not a leak
     using namespace gs;
     using namespace nb::literals;
     nb::class_<BoundDrawing>(m, "Drawing")

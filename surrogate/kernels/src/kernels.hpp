@@ -159,7 +159,7 @@ struct AverageLevels {
     int count;
 };
 
-// How many doubles an average_level of so many cells needs, and how many of them are a row.
+// The number of doubles that an average_level with this number of cells needs, and the length of a row.
 constexpr int64_t average_stride(int64_t cells) { return cells + 1 + 2 * kAround + kWidest; }
 constexpr int64_t average_scratch(int64_t cells) { return kPlaceTerms * kChanges * average_stride(cells) + 2 * kChanges * (cells + 1); }
 
@@ -248,7 +248,7 @@ struct RowStep {
     float *first, *second, *steps;
     int64_t rows, width;
     float rate;
-    const float* corrections;  // [kCorrections], what the rate is multiplied by after so many steps
+    const float* corrections;  // [kCorrections], factors of the rate by the number of steps
 };
 
 struct Kernels {
