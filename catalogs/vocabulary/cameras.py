@@ -1,7 +1,7 @@
 """Pinhole cameras in OpenCV axes, and the fixed set of viewpoints around a volume.
 
 A camera maps world points to pixels by the pinhole model (Hartley & Zisserman, "Multiple View Geometry", section 6.1).
-With ``(x, y, z)`` in camera axes (x right, y down, z forward), ``u = fx * x / z + cx`` and ``v = fy * y / z + cy``. 
+With ``(x, y, z)`` in camera axes (x right, y down, z forward), ``u = fx * x / z + cx`` and ``v = fy * y / z + cy``.
 The centre of pixel (column i, row j)
 lies at ``(i + 0.5, j + 0.5)``.
 """
