@@ -152,7 +152,7 @@ def test_the_report_holds_all_that_it_promises(run: tuple[Surrogate, Catalog, Pa
     assert record["at_center"]["parameters"] == {"shift": 0.5}
     assert record["decided_on"] == {"choices": len(VALIDATION_VIEWS), "watched": min(16, len(VALIDATION_VIEWS))}
     page = (report / "report.md").read_text()
-    assert "(shift = 0.5) shows it" in page
+    assert "frozen at the centre of parameter space (shift = 0.5)" in page
     assert "all choices were made on these" not in page
     for name in ("mean image", "nearest member", "linear interpolation"):
         assert name in page
@@ -172,7 +172,7 @@ def test_the_report_holds_all_that_it_promises(run: tuple[Surrogate, Catalog, Pa
 
 @pytest.mark.usefixtures("undrawn")
 @pytest.mark.slow
-def test_a_upper_bound_stands_in_the_report_of_the_surrogate_it_was_measured_beside(
+def test_an_upper_bound_stands_in_the_report_of_the_surrogate_it_was_measured_beside(
     run: tuple[Surrogate, Catalog, Path], tmp_path: Path
 ) -> None:
     surrogate, catalog, _ = run
