@@ -17,7 +17,7 @@ from catalogs.store.plan import CatalogError, CatalogPlan, check_views, json_val
 from catalogs.store.summary import FieldSummary, load_summaries
 from catalogs.vocabulary.cameras import Camera, spherical_angles
 from catalogs.vocabulary.parameters import SPLITS
-from catalogs.vocabulary.variations import Setting
+from catalogs.vocabulary.variations import VariationSetting
 from catalogs.vocabulary.words import member_line, shortened
 
 RECORD = "member.json"
@@ -80,7 +80,7 @@ class Member:
         path = self.path / SUMMARY
         return load_summaries(path) if path.exists() else {}
 
-    def row_split(self, view: int, setting: Setting | None = None) -> str:
+    def row_split(self, view: int, setting: VariationSetting | None = None) -> str:
         """The split of one image: test if its member, its view or its setting is for testing, else validation, else train."""
         return max(self.split, self.view_splits[view], setting.split if setting else "train", key=SPLITS.index)
 

@@ -26,7 +26,7 @@ from catalogs.vocabulary.cameras import Camera
 from catalogs.vocabulary.numbers import color, row
 from catalogs.vocabulary.parameters import SPLITS, ParameterSpace
 from catalogs.vocabulary.quantity import Quantity, quantities_from, quantities_of
-from catalogs.vocabulary.variations import ISOVALUE, Setting, Variation, variation_from_json
+from catalogs.vocabulary.variations import ISOVALUE, Variation, VariationSetting, variation_from_json
 from catalogs.vocabulary.words import shortened
 
 NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.+=-]{0,99}")
@@ -134,7 +134,7 @@ class CatalogPlan:
         varied = [name for variation in self.variations if variation.continuous for name in variation.space.names]
         return list(dict.fromkeys([*isovalue, *varied]))
 
-    def setting(self, appearance: str) -> Setting | None:
+    def setting(self, appearance: str) -> VariationSetting | None:
         """The variation setting of this appearance; None for a base, and for an appearance outside variations."""
         return next(filter(None, (variation.setting(appearance) for variation in self.variations)), None)
 

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from datetime import UTC, datetime
 from typing import Any
 
-from catalogs.vocabulary.variations import Setting
+from catalogs.vocabulary.variations import VariationSetting
 from surrogate.evaluation import evaluate, metrics, perceptual, scoring
 from surrogate.evaluation.cases import PARAMETERS, VALIDATION, VIEWS, each_cell
 from surrogate.evaluation.evaluate import VERSION, Baseline, Evaluation, VariedEvaluation
@@ -139,7 +139,7 @@ def _setting_baseline(baseline: Baseline, evaluation: VariedEvaluation) -> dict[
     }
 
 
-def _setting(setting: Setting, evaluation: VariedEvaluation) -> dict[str, Any]:
+def _setting(setting: VariationSetting, evaluation: VariedEvaluation) -> dict[str, Any]:
     shown = [s for s in evaluation.scored if s.target.appearance == setting.appearance]
     by_column = {c: [s for s in shown if s.target.member.split in splits] for c, splits in PARAMETERS.items()}
     return {

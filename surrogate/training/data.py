@@ -17,7 +17,7 @@ from torch import Tensor
 from catalogs.store.catalog import Catalog, Member
 from catalogs.vocabulary.cameras import Camera
 from catalogs.vocabulary.parameters import ParameterSpace
-from catalogs.vocabulary.variations import Setting, Variation
+from catalogs.vocabulary.variations import Variation, VariationSetting
 from surrogate.gaussians import Normalization
 from surrogate.training.ranks import ALONE, Ranks
 from surrogate.training.value_loss import KnownValues
@@ -29,7 +29,7 @@ class ImageRow(NamedTuple):
     member: Member
     view: int
     appearance: str
-    setting: Setting | None = None  # of the appearance, where it belongs to a variation
+    setting: VariationSetting | None = None  # of the appearance, where it belongs to a variation
 
     @property
     def split(self) -> str:

@@ -39,7 +39,7 @@ from catalogs.vocabulary.parameters import Parameter, ParameterSpace
 from catalogs.vocabulary.plugin_appearance import MissingAppearance
 from catalogs.vocabulary.quantity import Quantity
 from catalogs.vocabulary.scene import PlannedMember, RenderPlan, Scene, VariedMembers, ViewPlan
-from catalogs.vocabulary.variations import Setting, field_variation, isovalue_family, transfer_function_family
+from catalogs.vocabulary.variations import VariationSetting, field_variation, isovalue_family, transfer_function_family
 from catalogs.web.access import Access
 
 LONGEST = 400
@@ -81,7 +81,7 @@ SHOWN: list[tuple[Any, str]] = [
     (Isosurface("iso", 0.5), "0.5"),
     (ImportedImages("imported"), "imported"),
     (MissingAppearance("middle", '{"kind": "slice"}'), "slice"),
-    (Setting("dvr-1", (0.1, 0.2, 0.3, 0.4), "train"), "dvr-1"),
+    (VariationSetting("dvr-1", (0.1, 0.2, 0.3, 0.4), "train"), "dvr-1"),
     (FUNCTIONS, "transfer_function of dvr"),
     (FUNCTIONS.variation, "104 settings (76 train, 8 validation, 20 test), c1_value in [-0.25, 0.25]"),
     (SURFACES.variation, "isovalue of dvr: 40 settings"),

@@ -13,7 +13,7 @@ from catalogs.store.summary import FieldSummary
 from catalogs.vocabulary.appearance import Appearance, Isosurface, TransferFunction, VolumeRendering
 from catalogs.vocabulary.cameras import Camera
 from catalogs.vocabulary.parameters import Parameter, ParameterSpace
-from catalogs.vocabulary.variations import POINT_PARAMETERS, Setting, Variation, displaced, variation_kind
+from catalogs.vocabulary.variations import POINT_PARAMETERS, Variation, VariationSetting, displaced, variation_kind
 from tests.support.blobs import Blobs
 
 BASE = "dvr"
@@ -24,7 +24,7 @@ Draw = Callable[[float, Appearance], Callable[[Camera], NDArray[np.float32]]]
 
 def isovalues(values: Mapping[str, Sequence[float]]) -> Variation:
     """Isosurfaces at the values of each split, `iso=<value>`."""
-    settings = tuple(Setting(f"iso={v:g}", (v,), split) for split, some in values.items() for v in some)
+    settings = tuple(VariationSetting(f"iso={v:g}", (v,), split) for split, some in values.items() for v in some)
     space = ParameterSpace((Parameter("isovalue", min(values["train"]), max(values["train"])),))
     return variation_kind("isovalue")(BASE, space, settings)
 
@@ -32,7 +32,7 @@ def isovalues(values: Mapping[str, Sequence[float]]) -> Variation:
 def transfer_functions(steps: NDArray[np.float64], places: Mapping[str, ArrayLike]) -> Variation:
     """Transfer functions displaced by multiples, the places (., 4) of each split, of the largest `steps` (4,): `tf-<split>-<i>`."""
     settings = tuple(
-        Setting(f"tf-{split}-{i}", tuple(displacement), split)
+        VariationSetting(f"tf-{split}-{i}", tuple(displacement), split)
         for split, some in places.items()
         for i, displacement in enumerate((np.asarray(some) * steps).tolist())
     )
@@ -42,7 +42,7 @@ def transfer_functions(steps: NDArray[np.float64], places: Mapping[str, ArrayLik
     )
 
 
-def appearance_of(setting: Setting, function: TransferFunction) -> Appearance:
+def appearance_of(setting: VariationSetting, function: TransferFunction) -> Appearance:
     """The image of a setting whose base has that transfer function."""
     if len(setting.values) == 1:
         return Isosurface(setting.appearance, setting.values[0])

@@ -15,7 +15,7 @@ from catalogs.store.catalog import Catalog
 from catalogs.store.summary import FieldSummary
 from catalogs.vocabulary.appearance import Appearance, Isosurface, TransferFunction, VolumeRendering
 from catalogs.vocabulary.cameras import Camera
-from catalogs.vocabulary.variations import Setting, Variation
+from catalogs.vocabulary.variations import Variation, VariationSetting
 from surrogate.gaussians import Gaussians
 from surrogate.rasterizer import Rasterizer
 from tests.support import families
@@ -70,7 +70,7 @@ class FieldBlobs(Blobs):
 BLOBS = FieldBlobs()
 
 
-def appearance_of(setting: Setting) -> Appearance:
+def appearance_of(setting: VariationSetting) -> Appearance:
     """The image of a setting of `ISOVALUE` or `FUNCTIONS`."""
     return families.appearance_of(setting, FUNCTION)
 

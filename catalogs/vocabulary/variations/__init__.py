@@ -18,7 +18,7 @@ from catalogs.vocabulary.variations.transfer_function import (
     displaced,
     transfer_function_family,
 )
-from catalogs.vocabulary.variations.variation import Family, Setting, Variation
+from catalogs.vocabulary.variations.variation import Family, Variation, VariationSetting
 
 __all__ = [
     "APPEARANCE",
@@ -26,8 +26,8 @@ __all__ = [
     "KINDS",
     "POINT_PARAMETERS",
     "Family",
-    "Setting",
     "Variation",
+    "VariationSetting",
     "displaced",
     "field_variation",
     "isovalue_family",
@@ -50,6 +50,6 @@ def variation_kind(kind: Any) -> type[Variation]:
 
 def variation_from_json(record: Mapping[str, Any]) -> Variation:
     """The variation of a `Variation.to_json` record; raises KeyError or ValueError on a malformed one."""
-    settings = tuple(Setting(s["appearance"], tuple(s["values"]), s["split"]) for s in record["settings"])
+    settings = tuple(VariationSetting(s["appearance"], tuple(s["values"]), s["split"]) for s in record["settings"])
     space = ParameterSpace.from_json(record["parameters"])
     return variation_kind(record["kind"])(record["base"], space, settings)

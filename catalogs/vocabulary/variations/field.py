@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from catalogs.vocabulary.appearance import Appearance, VolumeRendering
 from catalogs.vocabulary.parameters import Outside, Parameter, ParameterSpace
-from catalogs.vocabulary.variations.variation import Family, Setting, Variation
+from catalogs.vocabulary.variations.variation import Family, Variation, VariationSetting
 from catalogs.vocabulary.words import shortened
 
 APPEARANCE = "appearance"
@@ -46,7 +46,7 @@ class FieldVariation(Variation):
     def argument_names(self) -> tuple[str, ...]:
         return (APPEARANCE,)
 
-    def arguments(self, setting: Setting) -> dict[str, float | str]:
+    def arguments(self, setting: VariationSetting) -> dict[str, float | str]:
         return {APPEARANCE: setting.appearance}
 
     def values_of(
@@ -85,5 +85,5 @@ def field_variation(base: str, *, appearances: Sequence[str]) -> FieldVariation:
             f"appearances must name some beside the base {base}, each once, got {list(names) or appearances!r}"
         )
     rows = np.eye(len(names)).tolist()
-    settings = tuple(Setting(name, tuple(row), "train") for name, row in zip(names, rows, strict=True))
+    settings = tuple(VariationSetting(name, tuple(row), "train") for name, row in zip(names, rows, strict=True))
     return FieldVariation(base, ParameterSpace(tuple(Parameter(name, 0.0, 1.0) for name in names)), settings)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from catalogs.vocabulary.appearance import Appearance, Isosurface, VolumeRendering, appearance_from_json
 from catalogs.vocabulary.parameters import SPLITS, Parameter, ParameterSpace
-from catalogs.vocabulary.variations.variation import Family, Setting, Variation
+from catalogs.vocabulary.variations.variation import Family, Variation, VariationSetting
 
 ISOVALUE = "isovalue"
 
@@ -77,7 +77,7 @@ def isovalue_family(
     low, high = float(min(train)), float(max(train))
     if not all(low <= value <= high for value in values):
         raise ValueError(f"every isovalue must lie within the trained ones, {low:g} to {high:g}, got {values}")
-    settings = tuple(Setting(f"iso={_digits(value)}", (value,), split) for split, value in rows)
+    settings = tuple(VariationSetting(f"iso={_digits(value)}", (value,), split) for split, value in rows)
     form = {"kind": "isosurface", **(style or {})}
     surfaces = tuple(appearance_from_json({**form, "name": s.appearance, "isovalue": s.values[0]}) for s in settings)
     space = ParameterSpace((Parameter(ISOVALUE, low, high, unit),))

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from catalogs.vocabulary.appearance import Appearance, TransferFunction, VolumeRendering, field_of
 from catalogs.vocabulary.parameters import Parameter, ParameterSpace
-from catalogs.vocabulary.variations.variation import Family, Setting, Variation
+from catalogs.vocabulary.variations.variation import Family, Variation, VariationSetting
 
 POINT_PARAMETERS = ("c1_value", "c1_opacity", "c2_value", "c2_opacity")
 SINGLE_STEPS = (-1.0, 0.5, 1.0)  # steps by which one coordinate of one control point is moved alone
@@ -104,7 +104,7 @@ def transfer_function_family(
         for i, moved in enumerate((displacements * steps).tolist(), start=1):
             displacement = tuple(map(round, moved, decimals))
             name = f"{base.name}-{split}-{i:02d}"
-            settings.append(Setting(name, displacement, split))
+            settings.append(VariationSetting(name, displacement, split))
             shown.append(_displaced_appearance(base, name, displacement))
     units = (unit, "", unit, "")
     parameters = (

@@ -16,7 +16,7 @@ from catalogs.vocabulary.words import counted
 
 
 @dataclass(frozen=True)
-class Setting:
+class VariationSetting:
     """One appearance of a variation: its name, its visualization parameters (V,) and its split."""
 
     appearance: str
@@ -56,7 +56,7 @@ class Variation(ABC):
 
     base: str
     space: ParameterSpace
-    settings: tuple[Setting, ...]
+    settings: tuple[VariationSetting, ...]
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "settings", tuple(self.settings))
@@ -92,7 +92,7 @@ class Variation(ABC):
         """Names of the arguments that select a setting: the parameters, or `appearance`."""
         return self.space.names
 
-    def arguments(self, setting: Setting) -> dict[str, float | str]:
+    def arguments(self, setting: VariationSetting) -> dict[str, float | str]:
         """The arguments, by name, that select a setting."""
         return dict(zip(self.space.names, setting.values, strict=True))
 
@@ -116,7 +116,7 @@ class Variation(ABC):
         )
         return replace(self, space=ParameterSpace(parameters))
 
-    def setting(self, appearance: str) -> Setting | None:
+    def setting(self, appearance: str) -> VariationSetting | None:
         """The setting with this appearance, None for others."""
         return next((s for s in self.settings if s.appearance == appearance), None)
 

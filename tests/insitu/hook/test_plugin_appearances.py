@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import importlib
 import json
 import sys
+import tomllib
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -18,6 +20,7 @@ from catalogs.tools.check import check
 from catalogs.vocabulary.appearance import appearance_from_json, appearance_to_json
 from catalogs.vocabulary.plugin_appearance import MissingAppearance
 from render import render_views
+from tests.support.documented import documented_code
 from tests.support.foreign_packages import install
 
 SOURCE = '''
@@ -143,3 +146,18 @@ def test_pictures_of_another_size_are_refused(stranger: Any, tmp_path: Path) -> 
 def test_a_wrong_argument_is_named_with_the_appearance(stranger: Any) -> None:
     with pytest.raises(ValueError, match="appearance 'x' of kind 'slice': levels must be two numbers"):
         appearance_from_json({"kind": "slice", "name": "x", "levels": [1]})
+
+
+def test_the_documented_appearance_renders(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    module, project = documented_code("docs/rendering.md", "An appearance of your own")
+    install(tmp_path, "my_package", tomllib.loads(project)["project"]["entry-points"], module)
+    monkeypatch.syspath_prepend(str(tmp_path))
+    monkeypatch.delitem(sys.modules, "my_package", raising=False)
+    appearance = importlib.import_module("my_package").Slice("middle", 0.0, 1.0)
+    with insitu.Session(tmp_path / "a.cdb", space={"a": (0, 1)}, appearances=appearance, views=VIEWS) as session:
+        session.render_member(FIELD, {"a": 0.5}, spacing=(1, 1, 1))
+    catalog = Catalog.open(tmp_path / "a.cdb")
+    assert catalog.plan.appearances == (appearance,)
+    np.testing.assert_allclose(
+        catalog.image(catalog.members[0], "middle", 3)[8, :, 0], 255 * np.repeat(FIELD[4, 4], 2), atol=1
+    )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+import tomllib
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,7 @@ from click.testing import CliRunner
 from catalogs.store.catalog import Catalog
 from insitu.cli import main
 from insitu.readers.codes import OURS, listed_readers, reader_named, reader_of
+from tests.support.documented import documented_code
 from tests.support.foreign_packages import install
 
 
@@ -40,34 +42,16 @@ def test_the_commands_help_lists_the_readers(command: str) -> None:
         assert reader.name in told
 
 
-THEIRS = """
-import numpy as np
-from insitu import Field
-from insitu.readers.reader import Reader, StoredState
-
-def recognizes(path):
-    return path.suffix == ".theirs" and (path / "values").is_file()
-
-def records(path, sampling):
-    return [StoredState((), {"time": float((path / "time").read_text())})]
-
-def read(path, array, index, sampling):
-    values = np.fromfile(path / "values", "f4").reshape(4, 5, 6)
-    return Field(values, (1.0, 1.0, 1.0), (0.0, 0.0, 0.0), "u")
-
-READER = Reader("theirs", "their folders", recognizes, records, read, marks=("values", "time"))
-"""
-
-
-@pytest.mark.parametrize("named", [["--reader", "theirs"], []])
+@pytest.mark.parametrize("named", [["--reader", "mycode"], []])
 def test_another_packages_reader_renders_its_dumps(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, named: list[str]
 ) -> None:
-    install(tmp_path, "their_code", {"gs_surrogate.readers": {"theirs": "their_code:READER"}}, THEIRS)
+    module, project = documented_code("docs/ensembles.md", "A reader of your own")
+    install(tmp_path, "my_package", tomllib.loads(project)["project"]["entry-points"], module)
     monkeypatch.syspath_prepend(str(tmp_path))
     monkeypatch.setenv("PYTHONPATH", str(tmp_path))
     for number in range(2):
-        dump = tmp_path / "run" / f"dump{number}.theirs"
+        dump = tmp_path / "run" / f"dump{number}.mycode"
         dump.mkdir(parents=True)
         np.random.default_rng(number).random(120).astype("f4").tofile(dump / "values")
         (dump / "time").write_text(str(0.5 * number))

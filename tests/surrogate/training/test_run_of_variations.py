@@ -14,7 +14,7 @@ import pytest
 import torch
 
 from catalogs.store.catalog import Catalog
-from catalogs.vocabulary.variations import Setting, Variation, displaced
+from catalogs.vocabulary.variations import Variation, VariationSetting, displaced
 from surrogate import Surrogate, TrainingSettings, train
 from surrogate.training.compression.choice import Choice
 from surrogate.training.compression.precision import precision_of_visualization
@@ -253,7 +253,7 @@ def decibels(truth: np.ndarray, picture: np.ndarray) -> float:
     return float(-10.0 * np.log10(np.mean((on_white[0] - on_white[1].clip(0, 1)) ** 2)))
 
 
-def nearest(variation: Variation, unseen: Setting) -> Setting:
+def nearest(variation: Variation, unseen: VariationSetting) -> VariationSetting:
     """The trained setting whose normalized parameters are nearest."""
     trained = [s for s in variation.settings if s.split == "train"]
     return min(

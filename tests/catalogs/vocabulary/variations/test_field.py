@@ -11,7 +11,7 @@ import pytest
 from catalogs.vocabulary.appearance import ImportedImages
 from catalogs.vocabulary.parameters import Parameter, ParameterSpace
 from catalogs.vocabulary.variations import (
-    Setting,
+    VariationSetting,
     field_variation,
     variation_from_json,
     variation_kind,
@@ -46,14 +46,14 @@ def test_a_field_needs_others_beside_the_base(appearances: Any) -> None:
 @pytest.mark.parametrize(
     "settings",
     [
-        (Setting("a", (1.0, 0.0), "train"), Setting("b", (1.0, 0.0), "train")),
-        (Setting("a", (0.0, 1.0), "train"), Setting("b", (1.0, 0.0), "train")),
-        (Setting("a", (1.0, 0.0), "train"), Setting("b", (0.0, 1.0), "test")),
-        (Setting("a", (0.5, 0.0), "train"), Setting("b", (0.0, 1.0), "train")),
+        (VariationSetting("a", (1.0, 0.0), "train"), VariationSetting("b", (1.0, 0.0), "train")),
+        (VariationSetting("a", (0.0, 1.0), "train"), VariationSetting("b", (1.0, 0.0), "train")),
+        (VariationSetting("a", (1.0, 0.0), "train"), VariationSetting("b", (0.0, 1.0), "test")),
+        (VariationSetting("a", (0.5, 0.0), "train"), VariationSetting("b", (0.0, 1.0), "train")),
     ],
     ids=["twice", "swapped", "not trained", "half"],
 )
-def test_a_field_that_is_no_choice_among_the_trained_is_refused(settings: tuple[Setting, ...]) -> None:
+def test_a_field_that_is_no_choice_among_the_trained_is_refused(settings: tuple[VariationSetting, ...]) -> None:
     space = ParameterSpace((Parameter("a", 0.0, 1.0), Parameter("b", 0.0, 1.0)))
     with pytest.raises(ValueError, match="a 1 in its own place"):
         variation_kind("field")("dvr", space, settings)

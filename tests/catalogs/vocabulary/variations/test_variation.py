@@ -16,8 +16,8 @@ from catalogs.vocabulary.parameters import SPLITS, Parameter, ParameterSpace
 from catalogs.vocabulary.variations import (
     KINDS,
     POINT_PARAMETERS,
-    Setting,
     Variation,
+    VariationSetting,
     isovalue_family,
     transfer_function_family,
     variation_from_json,
@@ -30,7 +30,7 @@ def space_of(*names: str) -> ParameterSpace:
     return ParameterSpace(tuple(Parameter(name, -1.0, 1.0) for name in names))
 
 
-ONE, TWO = Setting("a", (0.1,), "train"), Setting("b", (0.2,), "train")
+ONE, TWO = VariationSetting("a", (0.1,), "train"), VariationSetting("b", (0.2,), "train")
 
 
 @pytest.mark.parametrize(
@@ -48,7 +48,7 @@ ONE, TWO = Setting("a", (0.1,), "train"), Setting("b", (0.2,), "train")
     ],
 )
 def test_an_impossible_variation_is_refused(
-    kind: Any, names: tuple[str, ...], settings: tuple[Setting, ...], message: str
+    kind: Any, names: tuple[str, ...], settings: tuple[VariationSetting, ...], message: str
 ) -> None:
     with pytest.raises(ValueError, match=message):
         variation_kind(kind)("dvr", space_of(*names), settings)
@@ -56,9 +56,9 @@ def test_an_impossible_variation_is_refused(
 
 def test_an_impossible_setting_is_refused() -> None:
     with pytest.raises(ValueError, match=r"split of a .*'trial'"):
-        Setting("a", (0.1,), "trial")
+        VariationSetting("a", (0.1,), "trial")
     with pytest.raises(ValueError, match=r"of a must be finite.*nan"):
-        Setting("a", (float("nan"),), "train")
+        VariationSetting("a", (float("nan"),), "train")
 
 
 numbers = st.floats(allow_nan=False, allow_infinity=False)
@@ -73,7 +73,7 @@ def variations(draw: st.DrawFn) -> Variation:
     trained = draw(st.lists(values, min_size=2, max_size=5, unique=True))
     others = draw(st.lists(st.tuples(values, st.sampled_from(SPLITS[1:])), max_size=4))
     rows = [*((v, "train") for v in trained), *others]
-    settings = tuple(Setting(draw(names), v, split) for v, split in rows)
+    settings = tuple(VariationSetting(draw(names), v, split) for v, split in rows)
     low = draw(st.floats(-1e6, 1e6))
     space = ParameterSpace(tuple(Parameter(name, low, low + 1.0, draw(st.text(max_size=3))) for name in parameters))
     return variation_kind(kind)("dvr", space, settings)
