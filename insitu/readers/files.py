@@ -41,11 +41,12 @@ def read_field(
     array: str | None = None,
     reader: str = "",
     sampling: Sampling = Sampling(),  # noqa: B008 - frozen
+    nan: str | None = None,
 ) -> Grid:
-    """The field stored in `path` as a grid; arguments are those of `read_data`."""
+    """The field stored in `path` as a grid; `nan` as in `to_grid`, by default that of `location`, else as in `read_data`."""
     found = read_data(path, location, array=array, reader=reader, sampling=sampling)
     try:
-        return to_grid(found, nan=location.nan, warn=False)
+        return to_grid(found, nan=nan or location.nan, warn=False)
     except (ValueError, TypeError) as error:
         raise ValueError(f"{path}: {error}") from error
 
