@@ -27,7 +27,7 @@ def lengths(source: str) -> Iterator[tuple[str, int]]:
             yield node.name, (node.end_lineno or 0) - node.lineno + 1 - skipped
 
 
-@pytest.mark.parametrize("package", PACKAGES)
+@pytest.mark.parametrize("package", [*PACKAGES, "tests"])
 def test_files_are_short(package: str) -> None:
     counts = {path: path.read_text().count("\n") for path in sources(package)}
     assert {str(path): count for path, count in counts.items() if count > MOST_LINES_OF_A_FILE} == {}

@@ -4,23 +4,29 @@ from __future__ import annotations
 
 import asyncio
 import json
+import re
 import socket
 import struct
 import threading
-from collections.abc import Coroutine
+from collections.abc import Coroutine, Iterator
 from concurrent.futures import Future
+from contextlib import contextmanager
 from functools import cache
+from pathlib import Path
 from types import TracebackType
 from typing import Any, TypeVar
 from urllib.error import HTTPError
+from urllib.parse import urlsplit
 from urllib.request import Request, urlopen
 
 import aiohttp
 
+from surrogate.explore.run import Run
 from tests.support.requests import message
 
 T = TypeVar("T")
 PATIENCE = 30.0  # seconds
+ROOT = str(Path(__file__).parents[2])
 
 
 @cache
@@ -161,3 +167,44 @@ def lives(tab: Tab) -> None:
     answer = tab.frame()
     assert "error" not in answer
     assert answer["pictures"][0].startswith(b"\x89PNG")
+
+
+def raw_answer(address: str, target: str, *, method: str = "GET", headers: str = "", body: str = "") -> tuple[int, str]:
+    """Status and all else of the answer to a request that no library has made harmless; `headers` as "Name: value\\r\\n"."""
+    parts = urlsplit(address)
+    assert parts.hostname is not None
+    assert parts.port is not None
+    if "host:" not in headers.lower():
+        headers += f"Host: {parts.netloc}\r\n"
+    content = body.encode()
+    with socket.create_connection((parts.hostname, parts.port), timeout=10) as line:
+        head = f"{method} {target} HTTP/1.1\r\n{headers}Connection: close\r\nContent-Length: {len(content)}\r\n\r\n"
+        line.sendall(head.encode("latin-1") + content)
+        answer = b""
+        while piece := line.recv(1 << 16):
+            answer += piece
+    status = re.match(rb"HTTP/1\.[01] (\d+) ", answer)
+    assert status is not None, answer[:200]
+    return int(status[1]), answer.decode("utf-8", "replace")
+
+
+@contextmanager
+def served(run: Run) -> Iterator[str]:
+    """The address of a running explorer of `run`."""
+    from surrogate.explore.server.notebook import NotebookExplorer
+
+    explorer = NotebookExplorer(run)
+    try:
+        yield explorer.address
+    finally:
+        explorer.close()
+
+
+def harmless(answer: Any) -> str:
+    """The answer is an error that tells nothing of this machine; returns it."""
+    said = repr(answer)
+    assert "error" in answer
+    assert len(said) < 1000
+    for secret in ("Traceback", ".py", "site-packages", ROOT, "/tmp", "File "):
+        assert secret not in said
+    return said

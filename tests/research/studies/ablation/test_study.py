@@ -1,14 +1,7 @@
 """Studies on an ensemble of blobs, with budgets of a fraction of a second."""
 
-import contextlib
-import fcntl
 import json
-import os
-import signal
-import subprocess
-import sys
 import time
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -19,63 +12,12 @@ from research.studies.ablation import experiments
 from research.studies.ablation import study as module
 from research.studies.ablation.experiments import BaseExperiment, base_settings
 from research.studies.ablation.records import AblationResult
-from research.studies.ablation.study import LOCK, AblationStudy, ablate
-from research.studies.ablation.timing import StepTimes, clock
-from research.studies.ablation.variants import Variant
-from research.studies.progress import StudyProgress
-from surrogate.settings import TrainingSettings
-from surrogate.storage.checkpoints import locked
+from research.studies.ablation.study import AblationStudy, ablate
+from research.studies.ablation.timing import clock
 from surrogate.training.run import train
-from tests.support.blobs import Blobs
+from tests.research.support.ablations import BUDGET, MEMBERS, SCENE, SMALL, VIEW_SPLITS, names
 
-SCENE = TrainingSettings(gaussians=40, canonical_steps=20, deformation_steps=60)
-MEMBERS = (("train", 0.0), ("train", 1.0), ("validation", 0.5), ("test", 0.25))
-VIEW_SPLITS = ("train", "train", "train", "validation", "test")
-SMALL = Blobs(count=4, size=16)
-BUDGET = 0.15
-
-
-@pytest.fixture
-def catalog(make_catalog) -> Catalog:
-    return make_catalog(SMALL, members=MEMBERS, view_splits=VIEW_SPLITS)
-
-
-@pytest.fixture
-def conduct(catalog: Catalog, tmp_path: Path) -> Callable[..., list[AblationResult]]:
-    """Runs a study in `tmp_path`; returns what was fitted now."""
-
-    def run(settings: TrainingSettings = SCENE, *, data: Catalog = catalog, **options: object) -> list[AblationResult]:
-        fitted: list[AblationResult] = []
-        ablate(
-            "blobs",
-            BaseExperiment(settings, data),
-            tmp_path,
-            tell=fitted.append,
-            **{"seconds": BUDGET, "seeds": 1} | options,
-        )
-        return fitted
-
-    return run
-
-
-@pytest.fixture(autouse=True)
-def given_step_times(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Measured ones would be those of a busy machine, on which loading the images may take longer than so small a budget."""
-    times = StepTimes(start=0.0, canonical=0.5e-3, deformation=0.5e-3)
-    monkeypatch.setattr(experiments, "measure_step_times", lambda *_: times)
-
-
-@pytest.fixture
-def at_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Experiments that take no time, for tests of which of them are done."""
-    monkeypatch.setattr(
-        module.AblationStudy, "_fit", lambda *_: {"psnr": 20.0, "ssim": 0.5, "images": 1, "seconds": 0.1}
-    )
-    monkeypatch.setattr("research.studies.ablation.table.plot", lambda _: None)
-
-
-def names(results: list[AblationResult]) -> list[tuple[str, int]]:
-    return [(result.variant, result.seed) for result in results]
+pytestmark = pytest.mark.usefixtures("given_step_times")
 
 
 @pytest.mark.slow
@@ -228,156 +170,6 @@ def test_equally_many_steps_are_taken_or_refused(conduct, tmp_path: Path) -> Non
         json.dumps(record | {"values": record["values"] | {"deformation_steps": fitted["samples-2"].steps + 7}})
     )
     assert names(conduct(only=["default-in-samples-2-steps"], longest=60.0)) == [("default-in-samples-2-steps", 0)]
-
-
-@pytest.mark.slow
-def test_an_interruption_in_a_fit_loses_that_fit_only(conduct, catalog: Catalog, tmp_path: Path) -> None:
-    pressed = []
-
-    def press(progress: StudyProgress) -> None:
-        if progress.name == "no-relocation, seed 0" and "speed" not in progress.work and not pressed:
-            pressed.append(str(progress))
-            os.kill(os.getpid(), signal.SIGINT)
-
-    with pytest.raises(KeyboardInterrupt):
-        conduct(only=["joint", "no-relocation"], progress=press)
-    assert pressed[0].startswith("no-relocation, seed 0 (2 / 3)  ")
-    assert " left  " in pressed[0]
-    assert pressed[0].endswith(" in all")
-    assert sorted(path.name for path in tmp_path.glob("*.json")) == ["default.seed0.json"]
-    assert not list(tmp_path.glob("fits/*/surrogate"))
-    assert names(conduct(only=["joint", "no-relocation"])) == [("no-relocation", 0), ("joint", 0)]
-
-
-def test_what_another_process_is_fitting_is_left_to_it(conduct, at_once, tmp_path: Path) -> None:
-    taken = tmp_path / "fits" / "joint.seed0"
-    taken.mkdir(parents=True)
-    with locked(taken):
-        assert names(conduct(only=["joint", "no-relocation"])) == [("default", 0), ("no-relocation", 0)]
-    assert names(conduct(only=["joint", "no-relocation"])) == [("joint", 0)]
-
-
-def test_what_another_process_finished_meanwhile_is_not_fitted_again(
-    conduct, at_once, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    conduct(only=["default"])
-    whole = (tmp_path / "default.seed0.json").read_bytes()
-    (tmp_path / "default.seed0.json").unlink()
-    monkeypatch.setattr(
-        module, "locked", lambda folder: ((tmp_path / "default.seed0.json").write_bytes(whole), locked(folder))[1]
-    )
-    assert conduct(only=["default"]) == []
-
-
-def fitted_after(event: Callable[[str], None]) -> Callable[..., dict]:
-    """In place of `AblationStudy._fit`: `event` gets the name of the fitted variant."""
-
-    def fit(study: AblationStudy, variant: Variant, *_: object) -> dict:
-        event(variant.name)
-        return {"deformation_steps": 10, "psnr": 20.0, "ssim": 0.5, "images": 1, "seconds": BUDGET}
-
-    return fit
-
-
-def test_what_a_killed_process_was_fitting_is_taken_over_in_the_end(
-    conduct, at_once, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    taken = tmp_path / "fits" / "no-relocation.seed0"
-    (taken / "surrogate").mkdir(parents=True)  # what it leaves
-    with contextlib.ExitStack() as other:
-        other.enter_context(locked(taken))
-        killed = fitted_after(lambda name: other.close() if name == "joint" else None)
-        monkeypatch.setattr(module.AblationStudy, "_fit", killed)
-        assert names(conduct(only=["joint", "no-relocation"])) == [("default", 0), ("joint", 0), ("no-relocation", 0)]
-    assert not (taken / "surrogate").exists()
-
-
-@pytest.mark.parametrize("finishes", [True, False])
-def test_what_takes_the_steps_of_a_fit_under_way_waits_for_it_or_is_left_too(
-    conduct, at_once, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, finishes: bool
-) -> None:
-    monkeypatch.setattr(module.AblationStudy, "_fit", fitted_after(lambda _: None))
-    conduct(only=["samples-2"])
-    whole = (tmp_path / "samples-2.seed0.json").read_bytes()
-    (tmp_path / "samples-2.seed0.json").unlink()
-    with contextlib.ExitStack() as other:
-        other.enter_context(locked(tmp_path / "fits" / "samples-2.seed0"))
-
-        def event(name: str) -> None:
-            if finishes and name == "no-relocation":
-                (tmp_path / "samples-2.seed0.json").write_bytes(whole)
-                other.close()
-
-        monkeypatch.setattr(module.AblationStudy, "_fit", fitted_after(event))
-        now = [("no-relocation", 0), ("default-in-samples-2-steps", 0)]
-        assert names(conduct(only=["no-relocation", "default-in-samples-2-steps"])) == (now if finishes else now[:1])
-    assert "no result" not in (tmp_path / "ablation.md").read_text()
-
-
-def test_what_fails_is_tried_again_by_one_process_of_several_that_began_together(
-    conduct, at_once, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    tries: list[str] = []
-
-    def fails(name: str) -> None:
-        tries.append(name)
-        if name == "no-relocation" and tries.count("no-relocation") == 2:
-            conduct(only=["joint"])  # another process, whose list has come to what follows
-        if name == "joint":
-            raise ValueError("it never works")
-
-    monkeypatch.setattr(module.AblationStudy, "_fit", fitted_after(fails))
-    conduct(only=["no-relocation", "joint"])
-    (tmp_path / "no-relocation.seed0.json").unlink()
-    conduct(only=["no-relocation", "joint"])
-    assert tries == ["default", "no-relocation", "joint", "no-relocation", "joint"]
-
-
-def test_a_late_result_stays_where_its_repetition_fails(
-    conduct, at_once, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    conduct(only=["default"])
-    before = (tmp_path / "default.seed0.json").read_bytes()
-
-    def fails(_: str) -> None:
-        raise MemoryError("no room")
-
-    monkeypatch.setattr(module.AblationStudy, "_fit", fitted_after(fails))
-    (failed,) = conduct(only=["default"], again=True)
-    assert failed.error == "MemoryError: no room"
-    assert (tmp_path / "default.seed0.json").read_bytes() == before
-
-
-def test_pages_are_written_one_after_the_other_and_leftovers_go(
-    conduct, at_once, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    dead = subprocess.run(
-        [
-            sys.executable,
-            "-c",
-            "import pathlib, sys; from catalogs.files import durable; "
-            "path = durable.partial_name(pathlib.Path(sys.argv[1])); path.write_text('half'); print(path)",
-            str(tmp_path / "default.seed0.json"),
-        ],
-        capture_output=True,
-        text=True,
-        check=True,
-    ).stdout.strip()
-    assert Path(dead).exists()
-    held: list[bool] = []
-
-    def write(*_: object) -> None:
-        try:
-            with (tmp_path / LOCK).open("w") as file:
-                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            held.append(False)
-        except BlockingIOError:
-            held.append(True)
-
-    monkeypatch.setattr("research.studies.ablation.table.write", write)
-    conduct(only=["default"])
-    assert held == [True, True]
-    assert not Path(dead).exists()
 
 
 def test_the_time_of_a_fit_is_its_own() -> None:

@@ -6,7 +6,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
-from numpy.typing import NDArray
 
 from catalogs.vocabulary.cameras import Camera
 from research.studies.baselines.method import Plan, TrainingImages
@@ -28,30 +27,20 @@ from research.studies.baselines.visnerf import (
     variation_weight,
 )
 from research.studies.baselines.visnerf_field import (
-    Quantity,
     ViSNeRFArchitecture,
     ViSNeRFField,
-    encoded,
-    grid_of,
-    variation,
-    vector_lengths,
 )
 from tests.research.support.baseline_scenes import ball_pictures, psnr_of_mean, psnr_over
+from tests.research.support.visnerf_formula import (
+    UNEVEN,
+    expected_outputs,
+    field_of,
+    in_float64,
+)
 
 TINY = Sizes(rays=128, first_samples=12, last_samples=24, stride=1.0, voxels=12**3 + 1)
 QUICK = replace(TINY, rays=96, first_samples=8, last_samples=12, voxels=8**3 + 1)  # enough to learn a few pictures
 BOX = torch.tensor([[-1.0, -1.0, -1.0], [1.0, 1.0, 1.0]])
-UNEVEN = ViSNeRFArchitecture((5, 4, 3), (3, 6))
-QUANTITIES: tuple[Quantity, ...] = ("density", "color")
-
-
-def field_of(architecture: ViSNeRFArchitecture, seed: int = 0, spread: float = 1.0) -> ViSNeRFField:
-    """A field of normal numbers, whose densities and colours vary strongly."""
-    random = np.random.default_rng(seed)
-    first = architecture.initial(random)
-    tensors = {name: torch.from_numpy(random.normal(size=t.shape)).float() for name, t in first.items()}
-    networks = {name: t * spread / math.sqrt(t.shape[-1]) for name, t in tensors.items() if ".weights" in name}
-    return ViSNeRFField(tensors | networks, architecture)
 
 
 def uniform(density: float, color: float, architecture: ViSNeRFArchitecture) -> ViSNeRFField:
@@ -62,58 +51,6 @@ def uniform(density: float, color: float, architecture: ViSNeRFArchitecture) -> 
         tensors[f"{quantity}.layer_3.weights"].zero_()
         tensors[f"{quantity}.layer_3.biases"].fill_(bias)
     return ViSNeRFField(tensors, architecture)
-
-
-def in_float64(field: ViSNeRFField) -> dict[str, NDArray[np.float64]]:
-    return {name: tensor.double().numpy() for name, tensor in field.tensors.items()}
-
-
-def lerp(values: NDArray[np.float64], at: float) -> NDArray[np.float64]:
-    """Values (C, L) between -1 and 1, linearly interpolated: (C,)."""
-    return np.array([np.interp(at, np.linspace(-1.0, 1.0, values.shape[1]), row) for row in values])
-
-
-def bilerp(plane: NDArray[np.float64], column: float, row: float) -> NDArray[np.float64]:
-    return lerp(np.stack([lerp(rows, column) for rows in plane.transpose(1, 0, 2)], axis=1), row)
-
-
-def expected_components(
-    tensors: dict[str, NDArray[np.float64]], kind: str, point: NDArray[np.float64]
-) -> NDArray[np.float64]:
-    x, y, z = point
-    return (
-        bilerp(tensors[f"{kind}.plane_xy"], x, y) * lerp(tensors[f"{kind}.line_z"][..., 0], z)
-        + bilerp(tensors[f"{kind}.plane_xz"], x, z) * lerp(tensors[f"{kind}.line_y"][..., 0], y)
-        + bilerp(tensors[f"{kind}.plane_yz"], y, z) * lerp(tensors[f"{kind}.line_x"][..., 0], x)
-    )
-
-
-def expected_outputs(
-    field: ViSNeRFField,
-    kind: str,
-    point: NDArray[np.float64],
-    parameters: NDArray[np.float64],
-    direction: NDArray[np.float64],
-) -> NDArray[np.float64]:
-    """A network's output before its activation, written out in float64."""
-    tensors = in_float64(field)
-    vectors = [lerp(tensors[f"{kind}.vector_{j}"][..., 0], p) for j, p in enumerate(parameters)]
-    known = np.concatenate([expected_components(tensors, kind, point), *vectors])
-    features = tensors[f"{kind}.basis.weights"] @ known
-
-    def waves(values: NDArray[np.float64]) -> list[float]:
-        both = [factor * value for value in values for factor in (1, 2)]
-        return [math.sin(v) for v in both] + [math.cos(v) for v in both]
-
-    if kind == "density":
-        inputs = [*point, *features, *waves(point), *waves(features)]
-    else:
-        inputs = [*features, *direction, *waves(features), *waves(direction)]
-    hidden = np.array(inputs)
-    for layer in (1, 2, 3):
-        weights, biases = tensors[f"{kind}.layer_{layer}.weights"], tensors[f"{kind}.layer_{layer}.biases"]
-        hidden = weights @ (np.maximum(hidden, 0.0) if layer > 1 else hidden) + biases
-    return hidden
 
 
 def test_the_published_settings_for_nyx_have_3244964_parameters() -> None:
@@ -127,109 +64,6 @@ def test_the_published_settings_for_nyx_have_3244964_parameters() -> None:
         assert sum(t.numel() for key, t in tensors.items() if key.startswith(f"{name}.layer")) == count
     assert tensors["density.basis.weights"].shape == (27, 16 + 12)
     assert tensors["color.basis.weights"].shape == (27, 48 + 12)
-
-
-@pytest.mark.parametrize(
-    ("sides", "grid"),
-    [((0.36, 0.36, 0.36), (128, 128, 128)), ((4.0, 2.0, 2.0), (203, 101, 101)), ((1.0, 1.0, 1e-3), (1279, 1279, 2))],
-)
-def test_voxels_are_cubes(sides: tuple[float, ...], grid: tuple[int, ...]) -> None:
-    low = torch.tensor([-0.18, 3.0, 0.0])
-    high = low + torch.tensor(sides)
-    if sides[0] == 0.36:
-        low, high = torch.full((3,), -0.18), torch.full((3,), 0.18)
-    found = grid_of(torch.stack([low, high]), SIZES["official"].voxels)
-    assert found == pytest.approx(grid, rel=0.05)
-    assert found[2] == grid[2]
-
-
-def test_vectors_have_an_entry_for_each_value_but_not_many() -> None:
-    random = np.random.default_rng(0)
-    columns = [np.zeros(60), np.arange(60) % 2, np.arange(60) % 7, np.arange(60) % 16, random.uniform(-1, 1, 60)]
-    assert vector_lengths(torch.from_numpy(np.stack(columns, axis=1)).float()) == (3, 3, 7, 16, 16)
-    assert vector_lengths(torch.zeros(5, 0)) == ()
-
-
-@pytest.mark.parametrize("quantity", QUANTITIES)
-def test_components_are_sums_of_planes_times_lines(quantity: Quantity) -> None:
-    """With sides of different lengths, so that no two axes can be confused."""
-    field = field_of(UNEVEN)
-    points = np.random.default_rng(1).uniform(-1.0, 1.0, (20, 3))
-    points[:4] = [[-1, -1, -1], [1, 1, 1], [1, -1, 0], [-1, 1, 1]]
-    expected = np.stack([expected_components(in_float64(field), quantity, point) for point in points])
-    found = field.components(quantity, torch.from_numpy(points).float())
-    np.testing.assert_allclose(found.numpy(), expected, atol=2e-5)
-
-
-@pytest.mark.parametrize("quantity", QUANTITIES)
-def test_parameters_read_their_vectors_from_end_to_end(quantity: Quantity) -> None:
-    field = field_of(UNEVEN)
-    first, second = (in_float64(field)[f"{quantity}.vector_{j}"][..., 0] for j in (0, 1))  # [4, 3], [4, 6]
-    asked = torch.tensor([[-1.0, -1.0], [1.0, 1.0], [0.0, -0.6], [0.5, 0.0], [-1.4, 1.4]])
-    expected = [
-        np.append(first[:, 0], second[:, 0]),
-        np.append(first[:, 2], second[:, 5]),
-        np.append(first[:, 1], second[:, 1]),
-        np.append((first[:, 1] + first[:, 2]) / 2, (second[:, 2] + second[:, 3]) / 2),
-        np.append(first[:, 0], second[:, 5]),
-    ]
-    np.testing.assert_allclose(field.vectors_at(quantity, asked).numpy(), expected, atol=1e-5)
-
-
-def test_without_parameters_there_are_no_vectors() -> None:
-    field = field_of(ViSNeRFArchitecture((4, 4, 4), ()))
-    assert field.vectors_at("density", torch.zeros(7, 0)).shape == (7, 0)
-    assert field.densities(torch.zeros(7, 3), torch.zeros(7, 0)).shape == (7,)
-
-
-def test_values_are_encoded_by_sines_and_cosines_without_pi() -> None:
-    found = encoded(torch.tensor([[0.3, -0.7]]))[0]
-    sines = [math.sin(v) for v in (0.3, 0.6, -0.7, -1.4)]
-    np.testing.assert_allclose(found, sines + [math.cos(v) for v in (0.3, 0.6, -0.7, -1.4)], atol=1e-6)
-
-
-def test_densities_and_colours_are_those_of_the_formula() -> None:
-    field, random = field_of(UNEVEN, spread=3.0), np.random.default_rng(2)
-    points, parameters = random.uniform(-1, 1, (12, 3)), random.uniform(-1, 1, (12, 2))
-    directions = random.normal(size=(12, 3))
-    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
-    rows = list(zip(points, parameters, directions, strict=True))
-    at, ways, asked = (torch.from_numpy(values).float() for values in (points, directions, parameters))
-
-    logits = np.array([expected_outputs(field, "density", *row)[0] for row in rows])
-    densities = field.densities(at, field.vectors_at("density", asked))
-    np.testing.assert_allclose(densities, np.log1p(np.exp(logits - 10.0)), rtol=1e-3)
-    assert np.ptp(logits) > 1.0
-
-    logits = np.array([expected_outputs(field, "color", *row) for row in rows])
-    colors = field.colors(at, field.vectors_at("color", asked), ways)
-    np.testing.assert_allclose(colors, 1.0 / (1.0 + np.exp(-logits)), atol=1e-4)
-    assert np.ptp(logits) > 1.0
-
-
-def test_it_begins_almost_empty() -> None:
-    first = ViSNeRFArchitecture((40, 40, 40), (3,)).initial(np.random.default_rng(0))
-    for quantity in QUANTITIES:
-        assert (first[f"{quantity}.vector_0"] == 0.1).all()
-        assert (first[f"{quantity}.layer_3.biases"] == 0.0).all()
-        assert float(first[f"{quantity}.plane_xz"].std()) == pytest.approx(0.1, rel=0.02)
-        assert float(first[f"{quantity}.line_y"].std()) == pytest.approx(0.1, rel=0.1)
-        bound = 1.0 / math.sqrt(150.0)
-        assert float(first[f"{quantity}.layer_1.weights"].abs().max()) == pytest.approx(bound, rel=1e-3)
-    field = ViSNeRFField(first, ViSNeRFArchitecture((40, 40, 40), (3,)))
-    points = torch.rand(200, 3, generator=torch.Generator().manual_seed(0)) * 2.0 - 1.0
-    densities = field.densities(points, field.vectors_at("density", torch.zeros(200, 1)))
-    assert float(densities.max()) < 2.0 * math.log1p(math.exp(-10.0))
-
-
-def test_total_variation_is_that_of_neighbours() -> None:
-    grid = np.random.default_rng(0).normal(size=(3, 4, 5))
-    across = [(grid[c, i, j + 1] - grid[c, i, j]) ** 2 for c in range(3) for i in range(4) for j in range(4)]
-    down = [(grid[c, i + 1, j] - grid[c, i, j]) ** 2 for c in range(3) for i in range(3) for j in range(5)]
-    assert float(variation(torch.from_numpy(grid))) == pytest.approx(2.0 * (np.mean(across) + np.mean(down)))
-    narrow = torch.from_numpy(grid[:, :, :1])
-    assert float(variation(narrow)) == pytest.approx(2.0 * np.mean(np.diff(grid[:, :, 0], axis=1) ** 2))
-    assert float(variation(narrow[:, :1])) == 0.0
 
 
 def test_regularization_pulls_densities_to_zero_and_their_vectors_to_one() -> None:

@@ -1,20 +1,17 @@
-"""The command as people run it, and its server as strangers meet it."""
+"""The command as people run it, and runs that are damaged or incomplete."""
 
 from __future__ import annotations
 
 import os
-import re
-import secrets
 import shutil
 import signal
 import socket
 import threading
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from urllib.parse import urlsplit
 
-import aiohttp
 import pytest
 from click.testing import CliRunner
 
@@ -23,36 +20,11 @@ from tests.support.explorer_process import PROGRAM, address_in, command, install
 
 pytest.importorskip("aiohttp", reason="the extra [explore] is not installed")
 
-from catalogs.web.access import Access
 from surrogate.cli import main
 from surrogate.explore.run import Run
-from surrogate.explore.server.notebook import NotebookExplorer
 from tests.support.models import plain
 from tests.support.requests import CAMERA, message
-from tests.support.tabs import Tab, lives, post, wait
-
-TOKEN = secrets.token_urlsafe(24)
-OUTSIDE = ("class Explorer", "root:", "import annotations")  # what files beside the page's hold, and /etc/passwd
-
-
-def asked(address: str, target: str, *, method: str = "GET", headers: str = "", body: str = "") -> tuple[int, str]:
-    """Status and all else of the answer to a request that no library has made harmless; `headers` as "Name: value\\r\\n"."""
-    parts = urlsplit(address)
-    assert parts.hostname is not None
-    assert parts.port is not None
-    if "host:" not in headers.lower():
-        headers += f"Host: {parts.netloc}\r\n"
-    content = body.encode()
-    with socket.create_connection((parts.hostname, parts.port), timeout=10) as line:
-        head = f"{method} {target} HTTP/1.1\r\n{headers}Connection: close\r\nContent-Length: {len(content)}\r\n\r\n"
-        line.sendall(head.encode("latin-1") + content)
-        answer = b""
-        while piece := line.recv(1 << 16):
-            answer += piece
-    status = re.match(rb"HTTP/1\.[01] (\d+) ", answer)
-    assert status is not None, answer[:200]
-    return int(status[1]), answer.decode("utf-8", "replace")
-
+from tests.support.tabs import Tab, lives, post, raw_answer, served, wait
 
 # ---- the command
 
@@ -172,8 +144,8 @@ def test_other_addresses_get_a_token(run_folder: Path) -> None:
         token = parts.query.removeprefix("token=")
         assert len(token) >= 32
         here = f"http://127.0.0.1:{parts.port}/"
-        assert asked(here, "/")[0] == 403
-        assert asked(here, f"/?token={token}")[0] == 303
+        assert raw_answer(here, "/")[0] == 403
+        assert raw_answer(here, f"/?token={token}")[0] == 303
 
 
 def broken(run_folder: Path, folder: Path, how: str) -> Path:
@@ -246,22 +218,10 @@ def test_paths_that_are_no_runs_are_refused(tmp_path: Path) -> None:
         assert "Traceback" not in done.output
 
 
-# ---- runs that are not whole
-
-
-@contextmanager
-def shown(run: Run) -> Iterator[str]:
-    explorer = NotebookExplorer(run)
-    try:
-        yield explorer.address
-    finally:
-        explorer.close()
-
-
 def test_a_run_without_a_catalog_has_no_truth(run_folder: Path, tmp_path: Path) -> None:
     shutil.copytree(run_folder / "surrogate", tmp_path / "alone" / "surrogate")
     for folder in (tmp_path / "alone", tmp_path / "alone" / "surrogate"):
-        with shown(Run.open(folder)) as address, Tab(address) as tab:
+        with served(Run.open(folder)) as address, Tab(address) as tab:
             facts = tab.ask("facts")
             assert (facts["truth"], facts["members"], facts["size"]) == (False, [], None)
             assert [p["train"] + p["validation"] for p in facts["parameters"]] == [[]]
@@ -274,7 +234,7 @@ def test_a_run_without_a_catalog_has_no_truth(run_folder: Path, tmp_path: Path) 
 def test_a_catalog_without_members_has_no_truth(run_folder: Path, tmp_path: Path) -> None:
     shutil.copytree(run_folder, tmp_path / "run", ignore=shutil.ignore_patterns("explore"))
     shutil.rmtree(tmp_path / "run" / "catalog.cdb" / "members")
-    with shown(Run.open(tmp_path / "run")) as address, Tab(address) as tab:
+    with served(Run.open(tmp_path / "run")) as address, Tab(address) as tab:
         assert tab.ask("facts")["truth"] is False
         assert tab.frame(truth=True)["truth"] is None
         assert tab.ask("nearest", message()) == {"found": None}
@@ -284,7 +244,7 @@ def test_an_unwritable_run_is_explored_all_the_same(run_folder: Path, tmp_path: 
     shutil.copytree(run_folder, tmp_path / "run", ignore=shutil.ignore_patterns("explore"))
     (tmp_path / "run" / "explore").write_text("in the way")  # permissions would not stop root
     (tmp_path / "run").chmod(0o555)
-    with shown(Run.open(tmp_path / "run")) as address, Tab(address) as tab:
+    with served(Run.open(tmp_path / "run")) as address, Tab(address) as tab:
         lives(tab)
         for _ in range(100):
             if tab.frame()["expected"] is not None:
@@ -304,7 +264,7 @@ def test_damaged_pictures_are_told_of_without_their_paths(run_folder: Path, tmp_
     shutil.copytree(run_folder, tmp_path / "run")
     for picture in (tmp_path / "run" / "catalog.cdb").rglob("*.png"):
         picture.write_bytes(b"no picture")
-    with shown(Run.open(tmp_path / "run")) as address, Tab(address) as tab:
+    with served(Run.open(tmp_path / "run")) as address, Tab(address) as tab:
         facts = tab.ask("facts")
         member, view = facts["members"][0], facts["camera"]
         eye = [t + view["distance"] * d for t, d in zip(view["target"], view["direction"], strict=True)]
@@ -317,207 +277,3 @@ def test_damaged_pictures_are_told_of_without_their_paths(run_folder: Path, tmp_
         answer = tab.frame(**shown_there, truth=True)
         assert answer == {"error": "a stored picture can't be read: the explorer's terminal says which"}
         lives(tab)
-
-
-# ---- strangers
-
-
-@pytest.mark.parametrize(
-    "target",
-    [
-        "/../application.py",
-        "/explore/../application.py",
-        "/explore/../../explore/application.py",
-        "/explore/%2e%2e/application.py",
-        "/explore/%2E%2E%2Fapplication.py",
-        "/explore/..%2fapplication.py",
-        "/explore/..%5capplication.py",
-        "/explore/..\\application.py",
-        "/explore/%252e%252e/application.py",
-        "/explore/%252e%252e%252fapplication.py",
-        "/explore/%c0%ae%c0%ae/application.py",
-        "/explore/%u002e%u002e/application.py",
-        "/explore/....//application.py",
-        "/explore/.//..//application.py",
-        "/explore//etc/passwd",
-        "/explore/%2fetc%2fpasswd",
-        "//etc/passwd",
-        "/%2fetc/passwd",
-        "/etc/passwd",
-        "/explore/../../../../../../../../../../etc/passwd",
-        "/explore/" + "%2e%2e%2f" * 20 + "etc/passwd",
-        "/" + "../" * 20 + "etc/passwd",
-        "/explore/explore.js%00",
-        "/explore/..%00/application.py",
-        "/explore/%00",
-        "/explore/" + "a" * 5000,
-        "/explore/" + "a/" * 3000,
-        "/explore",
-        "/explore/",
-        "/assets",
-        "/catalog.cdb/",
-        "/surrogate/model.json",
-        "/explore/file:///etc/passwd",
-        "/explore/\xff\xfe",
-        "file:///etc/passwd",
-    ],
-)
-def test_no_file_outside_is_served(explorer: str, target: str) -> None:
-    status, answer = asked(explorer, target)
-    assert status in (400, 403, 404), answer[:200]
-    assert not any(content in answer for content in OUTSIDE)
-    assert "Traceback" not in answer
-    assert asked(explorer, "/explore/explore.js")[0] == 200
-
-
-def test_links_out_of_the_page_are_not_followed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    from surrogate.explore.server import explorer as module
-
-    page = tmp_path / "page"
-    shutil.copytree(module.PAGE, page)
-    (tmp_path / "secret").mkdir()
-    (tmp_path / "secret" / "file.js").write_text("class Explorer")
-    (page / "file.js").symlink_to(tmp_path / "secret" / "file.js")
-    (page / "folder").symlink_to(tmp_path / "secret")
-    monkeypatch.setattr(module, "PAGE", page)
-    with shown(Run("plain", plain())) as address:
-        assert asked(address, "/explore/explore.js")[0] == 200
-        for target in ("/explore/file.js", "/explore/folder/file.js", "/explore/folder", "/explore/folder/"):
-            status, answer = asked(address, target)
-            assert status in (403, 404)
-            assert "class Explorer" not in answer
-
-
-@pytest.mark.parametrize("method", ["PUT", "DELETE", "PATCH", "OPTIONS", "TRACE", "CONNECT", "FOO", "get", "POST"])
-def test_other_methods_are_refused(explorer: str, method: str) -> None:
-    for target in ("/", "/explore/explore.js", "/ws"):
-        status, answer = asked(explorer, target, method=method)
-        assert status in (400, 403, 404, 405), answer[:200]
-    if method != "POST":
-        assert asked(explorer, "/export", method=method)[0] in (400, 403, 404, 405)
-
-
-@pytest.mark.parametrize(
-    "headers",
-    [
-        "Host: evil.example\r\n",
-        "Host: evil.example:80\r\n",
-        "Host: \r\n",
-        "Host: 127.0.0.1.evil.example\r\n",
-        "Host: [\r\n",
-        "Host: localhost@evil.example\r\n",
-        "Origin: http://evil.example\r\n",
-        "Origin: null\r\n",
-        "Origin: http://127.0.0.1:1\r\n",
-        "Origin: file://\r\n",
-    ],
-)
-def test_pages_of_others_get_nothing(explorer: str, headers: str) -> None:
-    upgrade = "Upgrade: websocket\r\nSec-WebSocket-Version: 13\r\nSec-WebSocket-Key: AAAAAAAAAAAAAAAAAAAAAA==\r\n"
-    for method, target, more in (
-        ("GET", "/", ""),
-        ("GET", "/explore/explore.js", ""),
-        ("POST", "/export", ""),
-        ("GET", "/ws", upgrade),
-    ):
-        status, answer = asked(explorer, target, method=method, headers=headers + more)
-        assert status in (400, 403), answer[:200]
-        assert not any(content in answer for content in (*OUTSIDE, "<html", "import "))
-
-
-def test_two_hosts_are_no_host(explorer: str) -> None:
-    netloc = urlsplit(explorer).netloc
-    status, _ = asked(explorer, "/", headers=f"Host: {netloc}\r\nHost: evil.example\r\n")
-    assert status in (302, 400)
-    assert asked(explorer, "http://evil.example/", headers=f"Host: {netloc}\r\n")[0] in (302, 400, 403, 404)
-
-
-def test_the_address_of_the_socket_is_not_for_reading(explorer: str) -> None:
-    for _ in range(5):
-        status, answer = asked(explorer, "/ws")
-        assert status == 400
-        assert "Traceback" not in answer
-    with Tab(explorer) as tab:
-        lives(tab)
-
-
-def test_every_answer_says_how_it_may_be_used(explorer: str) -> None:
-    for target in ("/index.html", "/explore/explore.js", "/web/look.css", "/nothing", "/"):
-        answer = asked(explorer, target)[1].lower()
-        assert "x-content-type-options: nosniff" in answer
-        assert "content-security-policy: default-src 'self'" in answer
-        assert "access-control-allow" not in answer
-
-
-@pytest.mark.parametrize(
-    "content", [b"", b"{", b"\xff\xfe", b"[" * 100_000, b'{"size": NaN}', b"null", b"3", b'"x"', b"1" * 5000]
-)
-def test_exports_that_are_no_message_are_refused(explorer: str, content: bytes) -> None:
-    status, answer = post(explorer, content)
-    assert status == 400
-    assert set(answer) == {"error"}
-    assert len(answer["error"]) < 300
-
-
-# ---- with a token
-
-
-@pytest.fixture(scope="module")
-def guarded() -> Iterator[tuple[str, str]]:
-    """Address of a server that listens everywhere, and the name of its cookie."""
-    access = Access("0.0.0.0", TOKEN)
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(Access, "of", lambda *_: access)
-        explorer = NotebookExplorer(Run("plain", plain()))
-    yield f"http://127.0.0.1:{explorer._explorer.port}/", access.cookie
-    explorer.close()
-
-
-def handshake(address: str, **headers: str) -> int:
-    """The status of an attempt to open a WebSocket."""
-
-    async def attempt() -> int:
-        async with aiohttp.ClientSession() as session:
-            try:
-                async with session.ws_connect(f"{address.replace('http', 'ws')}ws", headers=headers):
-                    return 101
-            except aiohttp.WSServerHandshakeError as error:
-                return error.status
-
-    return wait(attempt())
-
-
-def test_without_the_token_nothing_is_answered(guarded: tuple[str, str]) -> None:
-    address, cookie = guarded
-    for credentials in ("", f"Cookie: {cookie}=wrong\r\n", f"Cookie: {cookie}=\r\n", f"Cookie: other={TOKEN}\r\n"):
-        for method, target in (
-            ("GET", "/"),
-            ("GET", "/?token=wrong"),
-            ("GET", "/?token="),
-            ("GET", "/index.html"),
-            ("GET", "/explore/explore.js"),
-            ("GET", "/ws"),
-            ("POST", "/export"),
-            ("GET", "/nothing"),
-        ):
-            status, answer = asked(address, target, method=method, headers=credentials)
-            assert status == 403
-            assert TOKEN not in answer
-    assert handshake(address) == 403
-    assert handshake(address, Cookie=f"{cookie}=wrong") == 403
-    assert handshake(address, Cookie=f"{cookie}={TOKEN}", Origin="http://evil.example") == 403
-
-
-def test_the_token_becomes_a_cookie_that_opens_everything(guarded: tuple[str, str]) -> None:
-    address, cookie = guarded
-    status, answer = asked(address, f"/?token={TOKEN}")
-    assert status == 303
-    assert "Location: ?\r\n" in answer  # the token leaves the address
-    assert re.search(
-        rf"Set-Cookie: {cookie}={TOKEN}; HttpOnly; SameSite=Lax\r\n", answer
-    )  # without a path: this server's alone
-    brought = f"Cookie: {cookie}={TOKEN}\r\n"
-    assert asked(address, "/explore/explore.js", headers=brought)[0] == 200
-    assert asked(address, "/export", method="POST", headers=brought, body="{}")[0] == 400
-    assert handshake(address, Cookie=f"{cookie}={TOKEN}") == 101
-    assert handshake(address, Cookie=f"{cookie}={TOKEN}", Origin=address.rstrip("/")) == 101
