@@ -51,7 +51,7 @@ CODES = (
         "--reader",
         metavar="CODE",
         default="",
-        help="The code that wrote the files, where they don't show it: adios2, amrex, cloverleaf, mpas, well, xcompact3d.",
+        help="The code that wrote the files, where they don't show it: adios2, amrex, cloverleaf, mpas, openpmd, well, xcompact3d.",
     ),
     click.option("--resolution", type=(int, int, int), metavar="X Y Z", help="Values of resampled data (amrex, mpas)."),
     click.option(
@@ -143,7 +143,11 @@ class ReadingOptions:
             raise ValueError("--names and --split are of one file that holds all members; a table has columns")
         wanted = listed(self.parameters)
         table, code = members_of(
-            lambda more_in_files: self._table(sources, wanted, more_in_files), self.reader, self.sampling, wanted
+            lambda more_in_files: self._table(sources, wanted, more_in_files),
+            self.reader,
+            self.sampling,
+            wanted,
+            arrays,
         )
         how: dict[str, Any] = {"location": self.location, "reader": code, "sampling": self.sampling}
         return FileEnsemble.of(table, bounds=self.ranges, units=listed(self.units), arrays=arrays, **how)

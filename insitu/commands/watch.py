@@ -125,7 +125,7 @@ def _watch(
     ensemble = FileEnsemble({}, plan.space, options.arrays, options.location, reader, sampling)
     watching = replace(
         watching,
-        members=lambda row: states_of(row, reader, sampling, watching.parameters),
+        members=lambda row: states_of(row, reader, sampling, watching.parameters, options.arrays),
         beside=lambda path: files_beside(path, reader, sampling),
     )
     how.pop("shard")

@@ -191,16 +191,20 @@ def _files(scene: Scene, table: dict[str, Any], fields: tuple[str, ...]) -> Ense
                 f"source.{key} must be a list of three {'axes' if key == 'dims' else 'numbers'}, got {value!r}"
             )
     name, sampling = _reader(scene, table)
-    names = scene.space.names
+    names, arrays = scene.space.names, fields or tuple(filter(None, shown_fields(scene.appearances)))
     rows, code = members_of(
-        lambda more_in_files: read_table(scene.data_path(), names, more_in_files=more_in_files), name, sampling, names
+        lambda more_in_files: read_table(scene.data_path(), names, more_in_files=more_in_files),
+        name,
+        sampling,
+        names,
+        arrays,
     )
     spacing, origin, dims = (tuple(table[key]) if key in table else None for key in ("spacing", "origin", "dims"))
     bounds = {p.name: (p.low, p.high) for p in scene.space.parameters}
     stored = FileEnsemble.of(
         rows,
         bounds=bounds,
-        arrays=fields or tuple(filter(None, shown_fields(scene.appearances))),
+        arrays=arrays,
         reader=code,
         sampling=sampling,
         location=FieldLocation(spacing, origin, dims=dims),

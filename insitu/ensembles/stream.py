@@ -12,6 +12,7 @@ from insitu.fields.location import FieldLocation
 from insitu.hook.session import Session
 from insitu.members.planning import PlanOptions
 from insitu.members.request import Existing, member_name
+from insitu.readers.attributes import wanted_array
 from insitu.readers.files import volume
 from insitu.readers.placement import placed_field
 
@@ -21,11 +22,19 @@ if TYPE_CHECKING:
 
 @dataclass
 class StreamResult:
-    """The outcome of a stream: names of members that were rendered or skipped, and the reasons why others are missing."""
+    """The outcome of a stream.
+
+    Attributes
+    ----------
+    rendered, skipped : names of members.
+    failures : the reasons why others are missing.
+    lacking : steps without the fields.
+    """
 
     rendered: list[str] = field(default_factory=list)
     skipped: list[str] = field(default_factory=list)
     failures: dict[str, str] = field(default_factory=dict)
+    lacking: list[str] = field(default_factory=list)
 
 
 def render_stream(
@@ -53,7 +62,8 @@ def render_stream(
     arrived : where it is noted what became of the steps, for a caller who interrupts.
     say : called with a line about each member that was rendered, and about each failure.
 
-    A step that can't be rendered is reported, and the next one is awaited.  Raises ValueError as `Session` does.
+    A step that can't be rendered is reported, and the next one is awaited.  Steps without the fields are left out, of which the
+    first is reported.  Raises ValueError as `Session` does, and where no step had the fields.
     """
     arrived = arrived or StreamResult()
     if options.space is None:
@@ -62,6 +72,12 @@ def render_stream(
     with Session(catalog, **asked, nan=nan, existing=existing, on_error="raise", warn=warn) as session:
         for step in steps:
             name = f"step {step.number}"
+            absent = [array for array in arrays if wanted_array(step.arrays, array) is None]
+            if absent or not step.arrays.arrays:
+                if not arrived.lacking:
+                    say(f"{name} lacks {' and '.join(absent) or 'a field'}; such steps are left out")
+                arrived.lacking.append(name)
+                continue
             try:
                 lacking = [parameter for parameter in options.space.names if parameter not in step.says]
                 if lacking:
@@ -76,6 +92,8 @@ def render_stream(
             (arrived.skipped if found.skipped else arrived.rendered).append(found.name)
             if not found.skipped:
                 say(f"rendered {found.name}; {len(arrived.rendered)} in all")
+    if arrived.lacking and not (arrived.rendered or arrived.skipped or arrived.failures):
+        raise ValueError(f"none of {len(arrived.lacking)} steps had {' and '.join(arrays) or 'a field'}")
     return arrived
 
 

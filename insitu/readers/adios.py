@@ -23,13 +23,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from catalogs.vocabulary.words import shortened
+from insitu.readers.adios_process import MOST_STEPS
 from insitu.readers.arrays import Arrays, StoredArray, check_room
 from insitu.readers.reader import Reader, Sampling, StoredState
 
 PATIENCE = 60.0  # seconds that the process may take before it answers, and
 SLOWEST = 1e7  # bytes a second after that
 LARGEST = 1 << 26  # bytes of a description
-MOST_STEPS = 1_000_000
 BASE = 1 << 31  # bytes of address space that the process takes without any data
 ADIOS2 = "reading ADIOS2 takes its library: pip install 'gs-surrogate[adios2]'"
 STREAM = ".sst"  # what a stream's contact file is called
@@ -54,10 +55,13 @@ def records(path: Path, sampling: Sampling) -> list[StoredState]:
     """Every step, with the single numbers that the file holds of it, its attributes that are numbers, and its number."""
     held = _described(path)
     common = _numbers(held["attributes"])
-    steps = range(held["steps"])
-    return [
-        StoredState((i,), {**common, **{n: v[i] for n, v in held["single"].items()}, "step": float(i)}) for i in steps
-    ]
+    volumes = {name: about["places"] for name, about in held["variables"].items() if len(about["shape"]) == 3}
+    states = []
+    for step in range(held["steps"]):
+        says = {**common, **{n: values[step] for n, values in held["single"].items() if step in values}}
+        arrays = frozenset(name for name, places in volumes.items() if step in places)
+        states.append(StoredState((step,), {**says, "step": float(step)}, arrays))
+    return states
 
 
 @contextmanager
@@ -66,13 +70,10 @@ def opens(path: Path) -> Iterator[Arrays]:
     held = _described(path)
     arrays = {}
     for name, about in held["variables"].items():
-        shape = tuple(about["shape"])
-        if len(shape) == 3 and about["steps"] in (1, held["steps"]):
-            fetch = _fetch(path, name, shape, np.dtype(about["kind"]), about["steps"])
-            own = _own(held["attributes"], name)
-            arrays[name] = StoredArray(
-                name, (held["steps"], *shape), np.dtype(about["kind"]), ("step", "", "", ""), own, fetch
-            )
+        shape, kind = tuple(about["shape"]), np.dtype(about["kind"])
+        if len(shape) == 3:
+            own, fetch = _own(held["attributes"], name), _fetch(path, name, shape, kind, about["places"])
+            arrays[name] = StoredArray(name, (held["steps"], *shape), kind, ("step", "", "", ""), own, fetch)
     yield Arrays(arrays, {"": held["attributes"]})
 
 
@@ -109,17 +110,32 @@ def _described(path: Path) -> dict[str, Any]:
         held = _answer(process, path, None)
     if held is None or not 1 <= held["steps"] <= MOST_STEPS:
         raise ValueError(f"{path}: it holds {held['steps'] if held else 'no'} steps")
+    if "/openPMD" in held["attributes"]:
+        raise ValueError(
+            f"{path}: openPMD is read from HDF5: convert it by openpmd-pipe --infile {path.name} --outfile {path.stem}_%T.h5"
+        )
     for name, about in held["variables"].items():
-        if any(n < 0 for n in about["shape"]) or np.dtype(about["kind"]).kind not in "fiu":
-            raise ValueError(f"{path}: its variable {name[:40]!r} has the shape {about['shape']}")
+        at = range(held["steps"]) if about["at"] is None else about["at"]
+        if any(n < 0 for n in about["shape"]) or np.dtype(about["kind"]).kind not in "fiu" or len(at) != about["steps"]:
+            raise ValueError(f"{path}: its variable {name[:40]!r} has the shape {about['shape']} at {len(at)} steps")
+        # Of each step, which of the values it has; what is written once, at first, holds for all.
+        places = dict.fromkeys(range(held["steps"]), 0) if list(at) == [0] else {n: place for place, n in enumerate(at)}
+        about["places"] = places
+        if name in held["single"]:
+            values = held["single"][name]
+            held["single"][name] = {n: float(values[place]) for n, place in places.items()}
     return held
 
 
 def _fetch(
-    path: Path, name: str, shape: tuple[int, ...], kind: np.dtype[Any], steps: int
+    path: Path, name: str, shape: tuple[int, ...], kind: np.dtype[Any], places: Mapping[int, int]
 ) -> Callable[[tuple[int, ...]], Any]:
+    """Reads an array at a step; `places` says of the steps that have it which of its values it is."""
+
     def fetch(index: tuple[int, ...]) -> Any:
-        request = {"what": "read", "path": str(path), "name": name, "step": index[0] if steps > 1 else 0}
+        if index[0] not in places:
+            raise ValueError(f"it is not written at step {index[0]}, but at {shortened(list(map(str, places)), 8)}")
+        request = {"what": "read", "path": str(path), "name": name, "step": places[index[0]]}
         seconds = PATIENCE + math.prod(shape) * kind.itemsize / SLOWEST
         with _process(request) as process, _ended_after(process, seconds):
             held = _answer(process, path, None)

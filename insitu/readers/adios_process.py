@@ -20,6 +20,7 @@ from typing import Any, BinaryIO
 import numpy as np
 
 KINDS = ("float", "double", "int8_t", "uint8_t", "int16_t", "uint16_t", "int32_t", "uint32_t", "int64_t", "uint64_t")
+MOST_STEPS = 1_000_000
 LONGEST = 64  # numbers of an attribute
 PAUSE = 0.1  # seconds between two looks for a stream that is not there yet
 
@@ -68,12 +69,30 @@ def attributes(stream: Any) -> dict[str, Any]:
 
 
 def describe(out: BinaryIO, path: str) -> None:
-    """All that a file says but its arrays: of single numbers the value at each step."""
+    """All that a file says but its arrays: at which steps each variable is written, and of single numbers the value at each."""
     with library().FileReader(path) as file:
         steps, held = int(file.num_steps()), variables(file)
-        single = [n for n, about in held.items() if not about["shape"] and about["steps"] == steps]
-        values = {n: np.ravel(file.read(n, step_selection=[0, steps])).astype(float).tolist() for n in single}
+        differ = steps <= MOST_STEPS and any(about["steps"] != steps for about in held.values())
+        some = written(path, steps) if differ else {}
+        for name, about in held.items():
+            about["at"] = some.get(name) if about["steps"] != steps else None  # every one
+        single = {name: about["steps"] for name, about in held.items() if not about["shape"]}
+        values = {n: np.ravel(file.read(n, step_selection=[0, k])).astype(float).tolist() for n, k in single.items()}
         answer(out, {"steps": steps, "variables": held, "attributes": attributes(file), "single": values})
+
+
+def written(path: str, most: int) -> dict[str, list[int]]:
+    """The steps at which each variable is written: only a reader that goes from step to step sees it."""
+    found: dict[str, list[int]] = {}
+    io = library().Adios().declare_io("written")
+    io.set_engine("BPFile")
+    with library().Stream(io, path, "r") as stream:
+        for step, _ in enumerate(stream.steps()):
+            if step >= most:
+                break
+            for name in stream.available_variables():
+                found.setdefault(name, []).append(step)
+    return found
 
 
 def read(out: BinaryIO, path: str, name: str, step: int) -> None:

@@ -7,7 +7,7 @@ from functools import lru_cache
 from pathlib import Path
 
 from catalogs import plugins
-from insitu.readers import adios, amrex, cloverleaf, mpas, the_well, xcompact3d
+from insitu.readers import adios, amrex, cloverleaf, mpas, openpmd, the_well, xcompact3d
 from insitu.readers.reader import Reader
 
 OURS: tuple[Reader, ...] = (
@@ -15,6 +15,7 @@ OURS: tuple[Reader, ...] = (
     amrex.READER,
     cloverleaf.READER,
     mpas.READER,
+    openpmd.READER,
     the_well.READER,
     xcompact3d.READER,
 )

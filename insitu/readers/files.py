@@ -24,7 +24,7 @@ from insitu.readers.gzip_files import unpacked
 from insitu.readers.placement import placed_field
 from insitu.readers.reader import Reader, Sampling
 from render.datasets import to_grid
-from render.xarray_fields import axis_order
+from render.xarray_fields import SAME, axis_order
 
 if TYPE_CHECKING:
     from render.grids import Grid
@@ -118,11 +118,21 @@ def _of_code(
         index = index or code.records(path, sampling)[0].index
         with code.opens(path) as arrays:
             return placed_field(arrays, volume(arrays, array, len(index)), index, location)
-    given = _given(location)
-    if given:
-        raise ValueError(f"files of {code.name} say where their values lie: leave {', '.join(given)} out")
     assert code.read is not None
-    return code.read(path, array, index, sampling)
+    found = code.read(path, array, index, sampling)
+    if other := [name for name in _given(location) if not _is_said(found, name, getattr(location, name))]:
+        raise ValueError(
+            f"files of {code.name} say where their values lie: leave {', '.join(other)} out; this one has "
+            f"{', '.join(f'{name} {getattr(found, name, None)}' for name in other)}"
+        )
+    return found
+
+
+def _is_said(found: Any, name: str, given: Sequence[float]) -> bool:
+    """True if a field that was read has the spacing or the origin that is given, too."""
+    if name == "dims" or not isinstance(found, Field):
+        return False
+    return np.allclose(given, getattr(found, name), rtol=0.0, atol=SAME * np.array(found.spacing))
 
 
 def _given(location: FieldLocation) -> list[str]:

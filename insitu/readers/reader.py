@@ -47,13 +47,26 @@ class Sampling:
 
 @dataclass(frozen=True)
 class StoredState:
-    """One state of the simulation in a file: where it lies there, and the numbers that the file says of it, by name.
+    """One state of the simulation in a file.
 
-    Of numbers that tell states apart equally well, such as redshift and time, the first is the parameter.
+    Attributes
+    ----------
+    index : where it lies in the file.
+    says : the numbers that the file says of it, by name.  Of those that tell states apart equally well, such as redshift and time,
+        the first is the parameter.
+    arrays : names of the arrays that it has, where the states of a file differ in them; None: all.
     """
 
     index: tuple[int, ...] = ()
     says: Mapping[str, float] = field(default_factory=dict)
+    arrays: frozenset[str] | None = None
+
+    def lacks(self, arrays: Sequence[str]) -> bool:
+        """True if it has not all of `arrays`, which are paths or their last names, or () for any one."""
+        if self.arrays is None:
+            return False
+        names = self.arrays | {name.rpartition("/")[2] for name in self.arrays}
+        return not names.issuperset(arrays) or not names
 
 
 @dataclass(frozen=True, eq=False)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -65,20 +66,27 @@ def reader_for(paths: Sequence[Path], name: str = "") -> Reader | None:
 
 
 def members_of(
-    listed: Callable[[bool], MemberTable], name: str, sampling: Sampling, wanted: Sequence[str] = ()
+    listed: Callable[[bool], MemberTable],
+    name: str,
+    sampling: Sampling,
+    wanted: Sequence[str] = (),
+    arrays: Sequence[str] = (),
 ) -> tuple[MemberTable, str]:
     """The members of files, and the name of the code that wrote them, "" where none did.
 
     `listed` gives the files with what a table or a pattern says of them: all of it (False), or what the files leave open (True).
+    Other arguments are those of `with_states`.
     """
     found = listed(True)
     reader = reader_for([row.path for row in found.rows], name)
     if reader is None:
         return listed(False).only(wanted), ""
-    return with_states(found, reader, sampling, wanted), reader.name
+    return with_states(found, reader, sampling, wanted, arrays), reader.name
 
 
-def with_states(table: MemberTable, reader: Reader, sampling: Sampling, wanted: Sequence[str] = ()) -> MemberTable:
+def with_states(
+    table: MemberTable, reader: Reader, sampling: Sampling, wanted: Sequence[str] = (), arrays: Sequence[str] = ()
+) -> MemberTable:
     """The members of a table, one for each state that its files hold.
 
     Parameters
@@ -86,6 +94,7 @@ def with_states(table: MemberTable, reader: Reader, sampling: Sampling, wanted: 
     reader : how the files are read.
     wanted : the parameters, of the table or that files say; by default those of the table, and of what files say whatever else
         tells members apart.
+    arrays : the fields.  States that lack one are left out, which one warning says for all.
 
     What a row says of a file with several states, and the file says of each another, chooses among these; else the row holds.
     Raises ValueError naming the file.
@@ -94,16 +103,21 @@ def with_states(table: MemberTable, reader: Reader, sampling: Sampling, wanted: 
     stated: list[Mapping[str, float]] = []
     seen: set[tuple[object, ...]] = set()
     firsts: dict[Path, Path] = {}  # of every file that belongs to another's
+    lacking: list[tuple[Path, StoredState]] = []
     for row in table.rows:
         if row.path not in firsts:
             firsts |= _first_files(row.path, reader)
         first = firsts[row.path]
         for record in _states(first, row.parameters, reader, sampling):
             key = (first, record.index, *row.parameters.values())
-            if key not in seen:  # files of one state, such as those of several ranks, may all be named
+            if record.lacks(arrays):
+                lacking.append((first, record))
+            elif key not in seen:  # files of one state, such as those of several ranks, may all be named
                 seen.add(key)
                 rows.append(replace(row, path=first, index=record.index))
                 stated.append(record.says)
+    if lacking:
+        _warn_of_lacking(lacking, len(rows), arrays)
     chosen = _chosen(rows, stated, wanted)
     held = [
         replace(row, parameters={name: {**says, **row.parameters}[name] for name in chosen})
@@ -113,14 +127,16 @@ def with_states(table: MemberTable, reader: Reader, sampling: Sampling, wanted: 
     return MemberTable(distinct(named), {**reader.units, **table.units})
 
 
-def states_of(row: TableRow, name: str, sampling: Sampling, wanted: Sequence[str]) -> list[TableRow]:
+def states_of(
+    row: TableRow, name: str, sampling: Sampling, wanted: Sequence[str], arrays: Sequence[str] = ()
+) -> list[TableRow]:
     """The members that a file holds, with the parameters `wanted`; `name` says of which code it is, if that can't be seen.
 
     Raises ValueError where it says too little, or can't be read yet.
     """
     reader = reader_of(row.path, name)
     if reader is not None:
-        return list(with_states(MemberTable((row,), {}), reader, sampling, wanted).rows)
+        return list(with_states(MemberTable((row,), {}), reader, sampling, wanted, arrays).rows)
     lacking = [parameter for parameter in wanted if parameter not in row.parameters]
     if lacking:
         raise ValueError(
@@ -164,6 +180,17 @@ def _states(path: Path, given: Mapping[str, float], reader: Reader, sampling: Sa
 
 def _is_same(said: float | None, given: float) -> bool:
     return said is None or math.isclose(said, given, rel_tol=SAME)
+
+
+def _warn_of_lacking(lacking: Sequence[tuple[Path, StoredState]], others: int, arrays: Sequence[str]) -> None:
+    """Warn of the states that lack an array; raises ValueError where all do."""
+    path, first = lacking[0]
+    what, count = " and ".join(arrays) or "a field", len(lacking)
+    if not others:
+        held = sorted({name for _, state in lacking for name in state.arrays or ()})
+        raise ValueError(f"{path}: no state has {what}; they have {', '.join(held) or 'no field'}")
+    place = f"the first is {list(first.index)} of {path}"
+    warnings.warn(f"{count} of {count + others} states lack {what} and are left out: {place}", stacklevel=2)
 
 
 def _chosen(rows: Sequence[TableRow], stated: Sequence[Mapping[str, float]], wanted: Sequence[str]) -> tuple[str, ...]:

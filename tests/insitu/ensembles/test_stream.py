@@ -57,6 +57,16 @@ def test_a_step_that_cannot_be_rendered_costs_itself_alone(tmp_path: Path) -> No
     assert "it does not say ['time']" in found.failures["step 3"]
 
 
+def test_steps_without_the_field_are_left_out_and_said_once(tmp_path: Path) -> None:
+    said: list[str] = []
+    without = [StreamStep(number, {"time": 0.5 * number}, Arrays({}, {"": {}})) for number in (1, 3)]
+    found = render_stream(tmp_path / "a.cdb", [step(0), without[0], step(2), without[1]], OPTIONS, say=said.append)
+    assert (found.rendered, found.failures, found.lacking) == (["time-0.0", "time-1.0"], {}, ["step 1", "step 3"])
+    assert [line for line in said if "lacks" in line] == ["step 1 lacks a field; such steps are left out"]
+    with pytest.raises(ValueError, match="none of 2 steps had v"):
+        render_stream(tmp_path / "b.cdb", [step(0), step(1)], OPTIONS, arrays=("v",))
+
+
 def test_what_an_interruption_leaves_is_whole(tmp_path: Path) -> None:
     def steps() -> Iterator[StreamStep]:
         yield step(0)

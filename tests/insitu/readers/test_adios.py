@@ -54,6 +54,31 @@ def test_steps_are_members_and_say_what_the_file_says(written: Path) -> None:
         read_data(written, sampling=Sampling((2, 2, 2)))
 
 
+@pytest.mark.parametrize("engine", ["BP3", "BP4", "BP5"])
+def test_steps_without_the_field_are_left_out(tmp_path: Path, engine: str) -> None:
+    path = write(tmp_path / "run.bp", engine, steps=5, every=2)
+    files = table_of_files([path])
+    with pytest.warns(UserWarning, match="3 of 5 states lack pressure and are left out: the first is ") as caught:
+        table = with_states(files, adios.READER, Sampling(), arrays=["pressure"])
+    assert len(caught) == 1
+    assert [(row.index, dict(row.parameters)) for row in table.rows] == [((1,), {"time": 0.5}), ((3,), {"time": 1.5})]
+    for step in (1, 3):
+        assert np.array_equal(read_data(path, array="pressure", index=(step,)).values, 10 * density(step))
+        assert np.array_equal(read_data(path, array="mask", index=(step,)).values, density(99))  # as at the first step
+    with pytest.raises(ValueError, match="it is not written at step 2, but at 1, 3"):
+        read_data(path, array="pressure", index=(2,))
+    assert len(with_states(files, adios.READER, Sampling(), ["step"], ["density", "mask"]).rows) == 5
+    assert {state.says["nu"] for state in adios.READER.records(path, Sampling())} == {0.25}
+    with pytest.raises(ValueError, match=r"run\.bp: no state has pressures; they have density, mask, pressure"):
+        with_states(files, adios.READER, Sampling(), arrays=["pressures"])
+
+
+def test_openpmd_is_referred_to_its_converter(tmp_path: Path) -> None:
+    path = write(tmp_path / "run.bp", attribute="/openPMD")
+    with pytest.raises(ValueError, match=r"openpmd-pipe --infile run\.bp --outfile run_%T\.h5"):
+        read_data(path, array="density", index=(0,))
+
+
 def test_a_file_that_grew_has_not_changed(tmp_path: Path) -> None:
     path = write(tmp_path / "run.bp", steps=2)
     table = with_states(table_of_files([path]), adios.READER, Sampling())

@@ -106,7 +106,7 @@ def test_what_a_dump_does_not_have_is_told(tmp_path: Path) -> None:
         read_data(path)
     with pytest.raises(ValueError, match="no array 'temperature': the file has density, energy, x_vel"):
         read_data(path, array="temperature")
-    with pytest.raises(ValueError, match="say where their values lie: leave spacing out"):
+    with pytest.raises(ValueError, match="say where their values lie: leave spacing out; this one has"):
         read_data(path, array="energy", location=FieldLocation(spacing=(1, 1, 1)))
     with pytest.raises(ValueError, match="files of cloverleaf are not resampled: leave resolution out"):
         read_data(path, array="energy", sampling=Sampling((2, 2, 2)))
