@@ -69,7 +69,8 @@ class OpenRun:
         with scene_errors(scene.path):
             settings = TrainingSettings.from_table(scene.training)
             if in_place:
-                catalog = with_chosen_splits(catalog, settings.appearance, scene.source.get("hold_out"), scene.seed)
+                hold_out = scene.source.get("hold_out")
+                catalog = with_chosen_splits(catalog, settings, hold_out, scene.seed, folder)
         return cls(scene.name, settings, catalog, folder, path)
 
     @classmethod

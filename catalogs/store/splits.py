@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -17,6 +18,14 @@ MOST_CANDIDATES = 500  # for the hold-out, drawn at random from more
 FEWEST_TO_SPARE = 8  # training members; with fewer, views validate
 VALIDATION_SHARE, MOST_VALIDATION = 0.08, 12
 VALIDATION_VIEWS = 16  # every 16th training view validates
+
+# Names of ordered parameters, in small letters alone; "t" is one too, but T is a temperature.
+ORDERED_WORDS = (
+    "time times simtime simulationtime physicaltime timeindex step steps timestep timesteps cycle cycles iteration iterations iter "
+    "snapshot snapshots snap dump dumps frame frames output redshift scalefactor date year month day hour"
+)
+
+MemberGroup = Sequence[Member]  # of one run, or a member by itself
 
 
 @dataclass(frozen=True)
@@ -61,39 +70,74 @@ class Splits:
 
 
 def choose_splits(
-    members: Sequence[Member], space: ParameterSpace, appearance: str, *, hold_out: float | None = None, seed: int = 0
+    members: Sequence[Member],
+    space: ParameterSpace,
+    appearance: str,
+    *,
+    hold_out: float | None = None,
+    seed: int = 0,
+    whole_runs: bool = True,
 ) -> Splits:
-    """The members' own splits, completed by test members, a share `hold_out` of the training members, and by validation.
+    """The members' own splits, completed by test members, a share `hold_out` of the training runs, and by validation.
 
-    Held-out members show `appearance`, lie between others, and are spread as evenly over the parameters as all members.  Without
-    validation members, 8 % of the training members become validation members; with fewer than 8 training members, some of their
-    views validate instead.  The choice depends only on the members and the `seed`.
+    Members that differ in ordered parameters alone, such as time, are dumps of one run (see `runs_of`) and held out together.
+    Held-out runs show `appearance`, lie between others, and are spread as evenly over the parameters as all runs.  Where no run
+    lies between others, as with a single one, dumps between other dumps are held out.
+
+    Without validation members, 8 % of the training runs validate; with fewer than 8 runs, 8 % of the training members; with fewer
+    than 8 of these, some of their views.  The choice depends only on the members and the `seed`.  Without `whole_runs`, members are
+    drawn one by one, as earlier versions did.
 
     Raises ValueError where no member can be held out, or the catalog has test members already.
     """
     splits = {member.name: member.split for member in members}
     random = np.random.default_rng(seed)
 
-    def spare() -> list[Member]:
-        return [m for m in members if splits[m.name] == "train" and appearance in m.appearances]
+    def drawn(share: float, most: int = len(members), fewest: int = 1) -> list[Member]:
+        training = [m for m in members if splits[m.name] == "train"]
+        alone = [[m] for m in training if appearance in m.appearances]
+        runs = [run for run in runs_of(training, space) if any(appearance in m.appearances for m in run)]
+        choices = [groups for groups in (runs if whole_runs else [], alone) if len(groups) >= fewest]
+        return _drawn(choices, space, share, most, random)
 
     if hold_out is not None:
         _check_hold_out(hold_out, members)
-        chosen = held_out(_places(spare(), space), max(1, round(hold_out * len(spare()))), random)
-        if not chosen:
+        tests = drawn(hold_out)
+        if not tests:
+            count = sum(split == "train" for split in splits.values())
             raise ValueError(
-                f"none of the {len(spare())} training members lies between others, so none can be held out to test the "
+                f"none of the {count} training members lies between others, so none can be held out to test the "
                 "surrogate: omit hold_out, or render more members"
             )
-        splits |= {spare()[i].name: "test" for i in chosen}
+        splits |= {member.name: "test" for member in tests}
     if "validation" in splits.values():
         return Splits(splits)
-    training, chosen = spare(), list[int]()
-    if len(training) >= FEWEST_TO_SPARE:
-        count = min(MOST_VALIDATION, max(1, round(VALIDATION_SHARE * len(training))))
-        chosen = held_out(_places(training, space), count, random)
-    lacking = not chosen and not any("validation" in m.view_splits for m in members)
-    return Splits(splits | {training[i].name: "validation" for i in chosen}, VALIDATION_VIEWS if lacking else 0)
+    watched = drawn(VALIDATION_SHARE, MOST_VALIDATION, FEWEST_TO_SPARE)
+    lacking = not watched and not any("validation" in m.view_splits for m in members)
+    return Splits(splits | {member.name: "validation" for member in watched}, VALIDATION_VIEWS if lacking else 0)
+
+
+def ordered_names(space: ParameterSpace) -> tuple[str, ...]:
+    """The parameters that order the dumps of one run, by their names: time, step, cycle, snapshot, redshift and others."""
+    known = set(ORDERED_WORDS.split())
+    return tuple(n for n in space.names if n == "t" or re.sub("[^a-z]", "", n.lower()) in known)
+
+
+def runs_of(members: Sequence[Member], space: ParameterSpace) -> list[list[Member]]:
+    """The members grouped by run, in order: those of one run are equal in all parameters that are not ordered.
+
+    Repetitions of a run that differ in a parameter, such as a seed, are runs of their own; those that differ in none are one run.
+    """
+    ordered, runs = ordered_names(space), dict[tuple[float, ...], list[Member]]()
+    for member in members:
+        runs.setdefault(tuple(member.parameters[n] for n in space.names if n not in ordered), []).append(member)
+    return list(runs.values())
+
+
+def shared_runs(members: Sequence[Member], space: ParameterSpace) -> list[Member]:
+    """The test members of whose run there is a training member too."""
+    runs = [run for run in runs_of(members, space) if any(member.split == "train" for member in run)]
+    return [member for run in runs for member in run if member.split == "test"]
 
 
 def held_out(places: NDArray[np.float64], count: int, random: np.random.Generator) -> list[int]:
@@ -135,10 +179,28 @@ def _check_hold_out(hold_out: float, members: Sequence[Member]) -> None:
         raise ValueError(f"the catalog has {tests} test members already: omit hold_out")
 
 
-def _places(members: Sequence[Member], space: ParameterSpace) -> NDArray[np.float64]:
-    """Normalized parameters (M, P)."""
-    values = np.array([[member.parameters[name] for name in space.names] for member in members], dtype=np.float64)
-    return space.normalize(values.reshape(len(members), len(space)))
+def _drawn(
+    choices: Sequence[Sequence[MemberGroup]],
+    space: ParameterSpace,
+    share: float,
+    most: int,
+    random: np.random.Generator,
+) -> list[Member]:
+    """The members of a share of the groups, but of `most` at most, of the first choice of which some lie between others."""
+    for groups in choices:
+        count = min(most, max(1, round(share * len(groups))))
+        if chosen := held_out(_places(groups, space), count, random):
+            return [member for i in chosen for member in groups[i]]
+    return []
+
+
+def _places(groups: Sequence[MemberGroup], space: ParameterSpace) -> NDArray[np.float64]:
+    """Normalized parameters (G, P) of groups; without the ordered ones (G, P - O) where these vary inside of groups."""
+    values = np.array([[group[0].parameters[name] for name in space.names] for group in groups], dtype=np.float64)
+    places = space.normalize(values.reshape(len(groups), len(space)))
+    ordered = ordered_names(space)
+    varying = any(len({tuple(m.parameters[n] for n in ordered) for m in group}) > 1 for group in groups)
+    return np.delete(places, [i for i, name in enumerate(space.names) if varying and name in ordered], axis=1)
 
 
 def _distance_to_hull(points: NDArray[np.float64], place: NDArray[np.float64]) -> float:

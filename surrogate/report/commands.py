@@ -30,7 +30,10 @@ def evaluate(scene: Path, runs: Path, records: Path | None) -> None:
     from surrogate.report.records import is_kept, report_path, save_report
     from surrogate.report.report import is_current, write_report
     from surrogate.storage.checkpoints import fingerprint
+    from surrogate.training.messages import tests_line
 
+    if text := tests_line(opened.catalog):
+        click.echo(f"  {text}")
     page, beside = opened.folder / "report" / "report.md", None if records is None else records / opened.name
     kept = beside or opened.folder, opened.settings.seed
     if not Surrogate.exists(opened.model) and is_kept(*kept, fingerprint(opened.settings, opened.catalog), code()):

@@ -52,8 +52,13 @@ def page(record: Mapping[str, Any], pictures: Mapping[str, str]) -> str:
 
 
 def _ensemble(record: Mapping[str, Any] | None) -> str:
-    """The learnt appearance, and the members it was learnt from."""
-    return "" if record is None else f"The surrogate {record['learnt']}.  {record['members']}."
+    """The learnt appearance, the members it was learnt from, and whether those that test it share their runs."""
+    if record is None:
+        return ""
+    tests = record.get("tests", "")
+    return f"The surrogate {record['learnt']}.  {record['members']}." + (
+        f"  {tests[0].upper()}{tests[1:]}." if tests else ""
+    )
 
 
 def _baselines(record: Mapping[str, Any]) -> list[str]:

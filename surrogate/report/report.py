@@ -19,7 +19,7 @@ from surrogate.report.seeds import Scores, load_scores
 from surrogate.report.summary import fingerprint, summarize
 from surrogate.report.upper_bounds import load_upper_bounds
 from surrogate.storage.records import read_json
-from surrogate.training.messages import learnt_line, members_line
+from surrogate.training.messages import learnt_line, members_line, tests_line
 
 RECORD = "report.json"
 
@@ -60,7 +60,7 @@ def write_report(
     )
     variations = [v.variation for v in surrogate.visualizations]
     learnt = learnt_line(catalog.plan, str(surrogate.training["appearance"]), variations)
-    record["ensemble"] = {"learnt": learnt, "members": members_line(catalog)}
+    record["ensemble"] = {"learnt": learnt, "members": members_line(catalog), "tests": tests_line(catalog)}
     for part, varied in zip((record, *record["variations"]), (None, *variations), strict=True):
         part["decided_on"] = decided_on(surrogate, catalog, varied)
     durable.make_folder(directory.parent)

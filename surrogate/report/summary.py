@@ -18,7 +18,7 @@ from surrogate.model import Surrogate
 from surrogate.provenance import commit, machine
 from surrogate.report.seeds import Scores, summarize_repeats
 
-CONTENTS = 1  # what else stands in a report; the scores, and what is kept of seeds, change with VERSION alone
+CONTENTS = 2  # what else stands in a report; the scores, and what is kept of seeds, change with VERSION alone
 
 
 def fingerprint(

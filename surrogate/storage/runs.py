@@ -23,6 +23,7 @@ from catalogs.vocabulary.words import shortened
 from surrogate.provenance import commit, machine
 from surrogate.settings import TrainingSettings
 from surrogate.storage import models
+from surrogate.storage.checkpoints import fingerprint
 from surrogate.storage.records import read_json, write_json
 
 RECORD, MODEL, REPORT = "run.json", "surrogate", "report"
@@ -169,12 +170,25 @@ def seen_by_run(catalog: Catalog, splits: Splits) -> Catalog:
     return catalog.with_splits(splits)
 
 
-def with_chosen_splits(catalog: Catalog, appearance: str, hold_out: float | None, seed: int) -> Catalog:
-    """The catalog as a new run sees it that learns `appearance`, "" for the first; see `catalogs.store.splits.choose_splits`."""
-    shown = appearance or catalog.appearance_names[0]
+def with_chosen_splits(
+    catalog: Catalog, settings: TrainingSettings, hold_out: float | None, seed: int, folder: Path | None = None
+) -> Catalog:
+    """The catalog as a new run with these settings sees it; see `catalogs.store.splits.choose_splits`.
+
+    A finished run in `folder` whose dumps an earlier version held out, whatever their runs, keeps its splits.
+    """
+    shown = settings.appearance or catalog.appearance_names[0]
     if shown not in catalog.appearance_names:
         return catalog  # whoever learns it says so
-    return catalog.with_splits(choose_splits(catalog.members, catalog.plan.space, shown, hold_out=hold_out, seed=seed))
+    record = RunRecord.load(folder) if folder is not None else None
+    rules = (True, False) if record is not None else (True,)
+    members, space = catalog.members, catalog.plan.space
+    found = [
+        catalog.with_splits(choose_splits(members, space, shown, hold_out=hold_out, seed=seed, whole_runs=rule))
+        for rule in rules
+    ]
+    same = (seen for seen in found if record is not None and fingerprint(settings, seen) == record.fingerprint)
+    return next(same, found[0])
 
 
 def path_between(folder: Path, catalog: Path) -> str:

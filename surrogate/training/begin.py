@@ -90,7 +90,7 @@ def begin(
     if existing is not None:
         return RunFolder(folder, existing)
     first = TrainingSettings.from_table(options.settings)
-    seen = with_chosen_splits(catalog, first.appearance, options.hold_out, first.seed)
+    seen = with_chosen_splits(catalog, first, options.hold_out, first.seed)
     Source(first, seen, ranks)  # says what can't be learnt
     ranks.by_first(lambda: folder.mkdir(parents=True, exist_ok=True))
     try:

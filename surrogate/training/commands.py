@@ -31,7 +31,10 @@ if TYPE_CHECKING:
 )
 @click.option("--steps", type=int, help="Steps of training instead: the same model wherever it is trained.")
 @click.option(
-    "--hold-out", type=float, metavar="SHARE", help="Of the training members, such as 0.2, to test the surrogate with."
+    "--hold-out",
+    type=float,
+    metavar="SHARE",
+    help="Of the training members, such as 0.2, to test the surrogate with; dumps of one run stay together.",
 )
 @click.option("--appearance", metavar="NAME", help="Which of the catalog's to learn.  [default: the first]")
 @click.option("--seed", type=int, help="Of all that is drawn at random.  [default: 0]")
@@ -98,9 +101,11 @@ def _begun(
 
 def _train(opened: OpenRun, ranks: Ranks) -> None:
     from surrogate.model import Surrogate
-    from surrogate.training.messages import closing
+    from surrogate.training.messages import closing, tests_line
 
     is_finished = ranks.by_first(lambda: Surrogate.exists(opened.model))
+    if ranks.is_first and (text := tests_line(opened.catalog)):
+        click.echo(f"  {text}")
     surrogate, opened = _trained(opened, ranks)  # which looks whether it is this one
     if not ranks.is_first:
         return

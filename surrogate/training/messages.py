@@ -7,6 +7,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from catalogs.store.catalog import Catalog, CatalogPlan
+from catalogs.store.splits import ordered_names, runs_of, shared_runs
 from catalogs.vocabulary.appearance import Appearance, Isosurface, VolumeRendering, field_of
 from catalogs.vocabulary.variations import Variation
 from catalogs.vocabulary.words import shortened
@@ -49,6 +50,8 @@ def about(run: RunFolder, surrogate: Surrogate) -> Iterator[str]:
         variations = [v.variation for v in surrogate.visualizations]
         yield f"  {run.catalog_path}: {learnt_line(run.catalog.plan, str(surrogate.training['appearance']), variations)}"
         yield f"  {members_line(run.catalog)}"
+        if text := tests_line(run.catalog):
+            yield f"  {text}"
     for parameter in (p for v in surrogate.visualizations for p in v.variation.space.parameters):
         yield f"  {parameter}"
     for name, value in surrogate.training.get("settings", {}).items():
@@ -81,6 +84,23 @@ def members_line(catalog: Catalog) -> str:
     if counts["test"]:
         return f"{text}, {counts['test']} to test"
     return f"{text}; {UNKNOWN}" + (f" ({HOLD_OUT})" if len(members) >= FEWEST else "")
+
+
+def tests_line(catalog: Catalog) -> str:
+    """A sentence on test members whose runs were learnt from, or were not; "" without test members, and where runs are members."""
+    members, space = catalog.members, catalog.plan.space
+    tests, shared = [m for m in members if m.split == "test"], shared_runs(members, space)
+    names, runs = " and ".join(ordered_names(space)) or "nothing", len(runs_of(members, space))
+    if not tests or runs == len(members):
+        return ""
+    if not shared:
+        return f"no test member shares a run with a training member: {len(runs_of(tests, space))} of {runs} whole runs test"
+    if runs == 1:
+        return f"all members are dumps of one run (only {names} differs), so dumps of it test: nothing is known of other runs"
+    return (
+        f"{len(shared)} of {len(tests)} test members share a run with a training member (only {names} differs), so their "
+        "scores flatter: --hold-out in a new run (-o) keeps whole runs aside, where one lies between others"
+    )
 
 
 def _kind(shown: Appearance) -> str:
