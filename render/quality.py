@@ -12,6 +12,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from catalogs.vocabulary import numbers
 from catalogs.vocabulary.appearance import Appearance, Isosurface, TransferFunction, VolumeRendering
 from catalogs.vocabulary.cameras import Camera, orbit
 from render.grids import Grid, Triple
@@ -113,10 +114,7 @@ def choose_sample_distance(
     field = _drawable(field)
     if isinstance(appearance, Isosurface):
         return SampleDistance(min(field.spacing), math.inf, 0.0)
-    if not 0 < target_decibels <= 58:
-        raise ValueError(
-            f"target_decibels must lie between 0 and 58, what 8-bit images can hold, got {target_decibels}"
-        )
+    target_decibels = numbers.decibels(target_decibels, "target_decibels")
     views = spread(cameras, VIEWS)
     smallest = min(field.spacing)
     limit = 0.5 if max(field.spacing) > ANISOTROPIC * smallest else math.inf

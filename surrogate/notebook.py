@@ -72,7 +72,7 @@ def _deformed_card(deformed: Any) -> str:
 
 def _middle(surrogate: Any) -> CardImage:
     values = {p.name: p.middle for p in surrogate.space.parameters}
-    rgb = on_background(_seen(surrogate.at(**values)), surrogate.background or WHITE)
+    rgb = on_background(_seen(surrogate.at(values)), surrogate.background or WHITE)
     words = _listed(values)
     caption = f"at {words}" if 0 < len(values) <= CAPTIONED else "at the middle of the parameters"
     return CardImage(rgb, caption if values else "", words)

@@ -17,6 +17,7 @@ from __future__ import annotations
 
 import csv
 import io
+import itertools
 import math
 import re
 from collections.abc import Iterable, Iterator, Sequence
@@ -34,6 +35,7 @@ PIECE = 1 << 16  # characters of a table's file per read
 LONGEST_CELL = 1 << 20  # characters, in a table that is read in pieces
 TYPE_NAMES = {int: "integers", float: "floats", str: "words"}
 NO_ROW = "the table has no row: specification D wants at least one"
+FILE = re.compile(r"(fi)(le)", re.IGNORECASE)
 URL = re.compile(r"[a-zA-Z][a-zA-Z0-9+.-]*://")
 
 
@@ -149,6 +151,19 @@ def header_problems(header: Sequence[str]) -> list[str]:
         if not file and "file" in label.lower()
     ]
     return problems
+
+
+def parameter_labels(names: Sequence[str], others: Sequence[str]) -> list[str]:
+    """Labels of parameters' columns beside `others`: the names, but "parameter_theta" for one that a rule or a column forbids."""
+    labels: list[str] = []
+    for name in names:
+        taken, label, stem = {*others, *labels, *names}, name, "parameter_" + FILE.sub(r"\1_\2", name.strip())
+        for number in itertools.count(2):
+            if label not in {*others, *labels} and not is_file_column(label) and not header_problems([label]):
+                break
+            label = stem if stem not in taken else f"{stem}_{number}"
+        labels.append(label)
+    return labels
 
 
 def cell_type(text: str) -> type[int] | type[float] | type[str]:

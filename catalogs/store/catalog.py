@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 
 from catalogs.files import durable
 from catalogs.files.images import write_image
-from catalogs.store.description import DESCRIPTION, LOCK, read_description, write_empty
+from catalogs.store.description import DESCRIPTION, LOCK, check_place, read_description, write_empty
 from catalogs.store.journal import key_of
 from catalogs.store.members import RECORD, SUMMARY, Member, known_appearances, read_record, write_record
 from catalogs.store.missing import MissingMember, missing_members
@@ -129,9 +129,8 @@ class Catalog:
         folder that holds anything else.
         """
         path = Path(path)
-        if path.suffix != ".cdb":
-            raise CatalogError(f"a Cinema database is a folder whose name ends with .cdb, got {path}")
         if not (path / DESCRIPTION).exists():
+            check_place(path, plan)
             plan.check_recordable()
             durable.make_folder(path)
             with durable.locked(path / LOCK):

@@ -15,6 +15,16 @@ DESCRIPTION = "catalog.json"
 LOCK = ".lock"
 
 
+def check_place(path: Path, plan: CatalogPlan) -> None:
+    """Raise CatalogError where no catalog of this plan can be at `path`: another ending, or something else is there."""
+    if path.suffix != ".cdb":
+        raise CatalogError(f"a Cinema database is a folder whose name ends with .cdb, got {path}")
+    if path.is_dir():
+        _refuse_foreign(path, cinema.format_rows([plan.header]).encode())
+    elif path.exists():
+        raise CatalogError(f"{path} is a file, and a catalog is a folder: choose another path")
+
+
 def write_empty(path: Path, plan: CatalogPlan) -> None:
     """Make the locked folder `path` a catalog without members; its description is written last."""
     table = cinema.format_rows([plan.header]).encode()

@@ -52,10 +52,14 @@ def report_missing(catalog: Path, name: str, parameters: Any, reason: str) -> No
     durable.replace(folder / f"{name}.json", json.dumps(record, indent=1).encode())
 
 
-def no_longer_missing(catalog: Path, name: str) -> None:
-    """Remove the file that `report_missing` wrote for a member."""
+def no_longer_missing(catalog: Path, name: str, parameters: Mapping[str, float] | None = None) -> None:
+    """Remove the files that `report_missing` wrote for a member: that of its name, and those of its parameters."""
+    if not (catalog / MISSING).is_dir():
+        return
+    same = [m.name for m in missing_members(catalog) if parameters and m.parameters == parameters]
     with suppress(OSError):
-        (catalog / MISSING / f"{name}.json").unlink(missing_ok=True)
+        for found in (name, *same):
+            (catalog / MISSING / f"{found}.json").unlink(missing_ok=True)
 
 
 def missing_members(catalog: Path) -> tuple[MissingMember, ...]:

@@ -86,6 +86,7 @@ class CatalogPlan:
         except ValueError as error:
             raise CatalogError(str(error)) from None
         _check_variations(self.variations, self.appearances)
+        _check_parameter_names(self.space, self.variations)
         object.__setattr__(self, "variations", self.in_field_units(self.variations))
         if self.cameras or self.view_splits:
             check_views(self.cameras, self.view_splits)
@@ -125,7 +126,16 @@ class CatalogPlan:
     @property
     def header(self) -> list[str]:
         """The labels of the table's columns, in order."""
-        return [*self.space.names, "appearance", *self.varied_names, *VIEW_COLUMNS, "FILE"]
+        return [*self.parameter_labels, *self._other_labels]
+
+    @property
+    def parameter_labels(self) -> list[str]:
+        """The labels of the parameters' columns: their names, or "parameter_theta" where that has another meaning."""
+        return cinema.parameter_labels(self.space.names, self._other_labels)
+
+    @property
+    def _other_labels(self) -> list[str]:
+        return ["appearance", *self.varied_names, *VIEW_COLUMNS, "FILE"]
 
     @property
     def varied_names(self) -> list[str]:
@@ -232,6 +242,16 @@ def _check_variations(variations: Sequence[Variation], appearances: Sequence[App
     wrong = [problem for variation in variations for problem in variation.mismatches(appearances)]
     if wrong:
         raise CatalogError(f"appearances contradict their variation: {'; '.join(wrong[:3])}")
+
+
+def _check_parameter_names(space: ParameterSpace, variations: Sequence[Variation]) -> None:
+    """Raise CatalogError where a simulation parameter and a visualization parameter of a variation have one name."""
+    for variation in variations:
+        if shared := [name for name in space.names if name in variation.argument_names]:
+            raise CatalogError(
+                f"the simulation parameter {shared[0]!r} has the name of a visualization parameter of this catalog's "
+                f"{variation.plural}: call it otherwise, such as {shared[0] + '_of_run'!r}"
+            )
 
 
 def check_views(cameras: Sequence[Camera], view_splits: Sequence[str]) -> None:

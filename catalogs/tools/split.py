@@ -62,7 +62,7 @@ def split(
     if (target / DESCRIPTION).exists():
         raise CatalogError(f"{target} is a catalog already: choose another folder for the shards of {catalog.path}")
     shards = _shards(catalog, rows)
-    header = [*COUNTED, *(f"{name} {end}" for name in catalog.plan.space.names for end in ("from", "to")), "FILE"]
+    header = [*COUNTED, *(f"{name} {end}" for name in catalog.plan.parameter_labels for end in ("from", "to")), "FILE"]
     if problems := cinema.header_problems(header):
         raise CatalogError(f"the index of {catalog.path} would break Cinema specification D: {'; '.join(problems)}")
     _refuse_others(target, shards)

@@ -50,6 +50,14 @@ def count(value: Any, what: str) -> int:
     return int(number)
 
 
+def decibels(value: Any, what: str) -> float:
+    """A PSNR that pictures of 8 bits can reach: above 0, at most 58 dB."""
+    number = finite(value, what)
+    if not 0.0 < number <= 58.0:
+        raise ValueError(f"{what} must lie between 0 and 58, what 8-bit images can hold, got {number:g}")
+    return number
+
+
 def row(values: Any, length: int, what: str) -> tuple[float, ...]:
     """`length` finite numbers: a sequence, or a numpy array of shape (length,)."""
     if isinstance(values, str | bytes) or not isinstance(values, Iterable):

@@ -15,9 +15,9 @@ from catalogs.vocabulary.variations import Variation
 from insitu.fields.boxes import Box
 from insitu.fields.location import Ghosts
 from insitu.hook.session import Session
-from insitu.members.failures import Failures, warn_caller
-from insitu.members.planning import Space
-from insitu.members.request import Existing, OnError
+from insitu.members.failures import Failures, called, warn_caller
+from insitu.members.planning import Space, is_catalog, space_from
+from insitu.members.request import Existing, MemberArguments, OnError
 from insitu.members.result import RenderedMember
 
 
@@ -118,11 +118,12 @@ def render_member(
     of_member: Any = {name: of_session.pop(name) for name in OneMember.__annotations__ if name in of_session}
     try:
         session = Session(catalog, **of_session)
-    except (CatalogError, OSError) as error:  # of an existing catalog; an argument's own mistake is always raised
-        if of_session.get("on_error") != "warn":
-            raise
-        name, warn = of_member.get("name"), of_session.get("warn") or warn_caller
-        return Failures(Path(catalog)).add(name, parameters, error, warn)
+    except (CatalogError, OSError) as error:
+        if of_session.get("on_error") != "warn" or not is_catalog(Path(catalog)):
+            raise  # an argument's own mistake
+        member = MemberArguments(parameters, of_member.get("name"), time=of_member.get("time"))
+        space, warn = space_from(of_session.get("space")), of_session.get("warn") or warn_caller
+        return Failures(Path(catalog)).add(*called(member, space), error, warn)
     with session:
         return session.render_member(field, parameters, **of_member)
 

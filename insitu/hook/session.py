@@ -6,11 +6,11 @@ import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from functools import partial
-from pathlib import Path
 from typing import Any
 
 from catalogs.store.catalog import Catalog
 from catalogs.vocabulary.appearance import Appearance
+from catalogs.vocabulary.parameters import ParameterSpace
 from catalogs.vocabulary.scene import NAN, ViewPlan
 from catalogs.vocabulary.variations import Variation
 from insitu.background.process import Background, queue_length
@@ -20,7 +20,8 @@ from insitu.fields.boxes import Box
 from insitu.fields.location import FieldLocation, Ghosts
 from insitu.fields.member_fields import LocalField, MemberInput, time_of
 from insitu.hook.writer import CatalogWriter
-from insitu.members.failures import Failures, warn_caller, warn_safely
+from insitu.members.beginning import check_new, checked_function, checked_path
+from insitu.members.failures import Failures, called, warn_caller, warn_safely
 from insitu.members.planning import PlanOptions, Space, appearances_from, space_from, variations_from
 from insitu.members.request import EXISTING, ON_ERROR, Existing, MemberArguments, OnError, one_of, with_time
 from insitu.members.result import RenderedMember
@@ -85,10 +86,12 @@ class Session:
         warn: Callable[[Warning], None] | None = None,
         comm: Any = None,
     ) -> None:
-        self.path, self._ranks = Path(catalog), ranks_of(comm)
-        options = all_or_none(
-            self._ranks,
-            lambda: PlanOptions(
+        self.path, self._ranks = checked_path(catalog), ranks_of(comm)
+
+        def checked() -> PlanOptions:
+            one_of(nan, NAN, "nan"), one_of(existing, EXISTING, "existing"), one_of(on_error, ON_ERROR, "on_error")
+            checked_function(progress, "progress"), checked_function(warn, "warn")
+            return PlanOptions(
                 space=space_from(space),
                 appearances=appearances_from(appearances),
                 views=views,
@@ -96,19 +99,19 @@ class Session:
                 target_decibels=target_decibels,
                 sample_distance=sample_distance,
                 image_format=image_format,
-                provenance=provenance or {},
+                provenance={} if provenance is None else provenance,
                 variations=variations_from(variations),
                 fields=fields or {},
-            ),
-        )
-        self._nan = one_of(nan, NAN, "nan")
-        self._existing, self._on_error = one_of(existing, EXISTING, "existing"), one_of(on_error, ON_ERROR, "on_error")
+            )
+
+        options = all_or_none(self._ranks, checked)
+        self._nan, self._existing, self._on_error = nan, existing, on_error
         self._warn, self._failures = warn or warn_caller, Failures(self.path)
         progress = progress or (lambda images: None)
         self._writer = CatalogWriter(
             self.path, options, progress=progress, warn=self._warn, created=self._failures.record
         )
-        run_on_root(self._ranks, lambda: self._writer.find_catalog() and None)
+        run_on_root(self._ranks, lambda: None if self._writer.find_catalog() else check_new(self.path, options))
         self._results: list[RenderedMember] = []
         self._background = self._start_background(queue_length(background), options, progress)
 
@@ -215,9 +218,14 @@ class Session:
         except Exception as error:
             if member.on_error == "raise":
                 raise
-            return self._failures.add(member.name, member.parameters, error, self._warn)
-        self._settle(result.name, member.parameters, result)
+            return self._failures.add(*called(member, self._space), error, self._warn)
+        self._settle(result.name, called(member, self._space)[1], result)
         return result
+
+    @property
+    def _space(self) -> ParameterSpace | None:
+        """The parameters, as far as they are known here."""
+        return self._writer.options.space if self.catalog is None else self.catalog.plan.space
 
     def _start_background(
         self, length: int, options: PlanOptions, progress: Callable[[int], None]
@@ -235,6 +243,6 @@ class Session:
         if isinstance(result, str):
             self._failures.report(name, parameters, result, self._warn)
             return
-        self._failures.forget(name)
+        self._failures.forget(name, parameters)
         if not result.skipped:
             self._results.append(result)

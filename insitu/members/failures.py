@@ -11,7 +11,8 @@ from types import FrameType
 from typing import Any
 
 from catalogs.store.missing import no_longer_missing, report_missing
-from insitu.members.request import member_name
+from catalogs.vocabulary.parameters import ParameterSpace
+from insitu.members.request import MemberArguments, member_name, with_time
 from insitu.members.result import RenderedMember
 
 
@@ -24,33 +25,34 @@ class Failures:
 
     def __init__(self, catalog: Path) -> None:
         self._catalog = catalog
-        self._found: dict[str, tuple[Any, str]] = {}
+        self._found: dict[str, tuple[dict[str, Any], str]] = {}
 
     @property
     def reasons(self) -> dict[str, str]:
         """Why each is missing, by name."""
         return {name: reason for name, (_, reason) in self._found.items()}
 
-    def add(self, name: Any, parameters: Any, error: Exception, warn: Callable[[Warning], None]) -> RenderedMember:
-        """Take note that a member is missing, and warn of it; returns its result.  Never raises.
+    def add(
+        self, name: str, parameters: Mapping[str, Any], error: Exception, warn: Callable[[Warning], None]
+    ) -> RenderedMember:
+        """Take note that a member is missing, and warn of it; returns its result.  Never raises."""
+        return self.report(name, parameters, f"{type(error).__name__}: {error}", warn)
 
-        `name` and `parameters` are whatever the caller gave, wrong as they may be.
-        """
-        return self.report(_called(name, parameters), parameters, f"{type(error).__name__}: {error}", warn)
-
-    def report(self, name: str, parameters: Any, reason: str, warn: Callable[[Warning], None]) -> RenderedMember:
-        """The same for a member whose name is known to be right, and why it is missing."""
-        self._found[name] = (dict(parameters) if isinstance(parameters, Mapping) else {}, reason)
+    def report(
+        self, name: str, parameters: Mapping[str, Any], reason: str, warn: Callable[[Warning], None]
+    ) -> RenderedMember:
+        """The same, and why it is missing in words."""
+        self._found[name] = dict(parameters), reason
         self.record()
         warn_safely(
             MissingMemberWarning(f"member {name} is missing: {reason}. The run goes on; render it again later"), warn
         )
         return RenderedMember(name, self._catalog, error=reason)
 
-    def forget(self, name: str) -> None:
-        """Take note that a member is there after all."""
-        self._found.pop(name, None)
-        no_longer_missing(self._catalog, name)
+    def forget(self, name: str, parameters: Mapping[str, Any]) -> None:
+        """Take note that a member is there after all, be it under another name."""
+        self._found = {n: found for n, found in self._found.items() if n != name and found[0] != parameters}
+        no_longer_missing(self._catalog, name, parameters)
 
     def record(self) -> None:
         """Write into the catalog, if there is one, what is missing; a disk that refuses has no say."""
@@ -60,13 +62,20 @@ class Failures:
                     report_missing(self._catalog, name, parameters, reason)
 
 
-def _called(name: Any, parameters: Any) -> str:
-    """The member's name, or what comes nearest to it."""
-    if isinstance(name, str):
-        return name
+def called(member: MemberArguments, space: ParameterSpace | None) -> tuple[str, dict[str, Any]]:
+    """Name and parameters as a stored member would have them, or what comes nearest to that where they are wrong."""
+    given: Any = member.parameters
+    parameters = dict(given) if isinstance(given, Mapping) else {}
+    if space is not None:
+        with suppress(Exception):
+            parameters = dict(with_time(parameters, member.time, space)[0])
+        own = {n: parameters[n] for n in space.names if n in parameters}
+        parameters = {**own, **parameters}
+    if isinstance(member.name, str):
+        return member.name, parameters
     with suppress(Exception):
-        return member_name(parameters)
-    return "without a name"
+        return member_name(parameters) if parameters else "without-a-name", parameters
+    return "without-a-name", parameters
 
 
 def warn_caller(note: Warning) -> None:

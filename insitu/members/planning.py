@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from catalogs.files.images import FORMATS
 from catalogs.store.catalog import CatalogPlan
-from catalogs.store.plan import json_values
+from catalogs.store.plan import CatalogError, json_values
 from catalogs.vocabulary import numbers
 from catalogs.vocabulary.appearance import (
     Appearance,
@@ -92,9 +92,14 @@ class PlanOptions:
             raise ValueError(f"views must be a ViewPlan(frequency, width, height), got {shortened(self.views)}")
         if self.image_format is not None and self.image_format not in FORMATS:
             raise ValueError(f"image_format must be one of {sorted(FORMATS)}, got {self.image_format!r}")
-        object.__setattr__(self, "provenance", json_values(self.provenance, "provenance"))
+        if not isinstance(self.provenance, Mapping):
+            raise ValueError(f"provenance must be a mapping of words to JSON values, got {shortened(self.provenance)}")
+        try:
+            object.__setattr__(self, "provenance", json_values(self.provenance, "provenance"))
+        except CatalogError as error:
+            raise ValueError(str(error)) from None
         if self.target_decibels is not None:
-            numbers.positive(self.target_decibels, "target_decibels")
+            numbers.decibels(self.target_decibels, "target_decibels")
         if self.sample_distance is not None and self.target_decibels is not None:
             raise ValueError("give target_decibels or sample_distance, not both: the one is chosen to reach the other")
         steps = self.sample_distance.values() if isinstance(self.sample_distance, Mapping) else [self.sample_distance]
@@ -255,6 +260,12 @@ def check_complete(options: PlanOptions) -> tuple[ParameterSpace, tuple[Appearan
             f"a new catalog needs {missing}=, because what is fixed for the ensemble cannot come from its first member "
             "(`insitu probe` suggests a transfer function)"
         )
+    for name in options.space.names:
+        tidy = "".join(c if c.isprintable() else " " for c in name).strip()
+        if name != tidy:
+            raise ValueError(
+                f"parameter {name!r} has blanks around its name, or signs in it that nobody sees: call it {tidy or 'x'!r}"
+            )
     check_fields(options.appearances)
     quantities_of(options.fields, shown_fields(options.appearances))
     if isinstance(options.sample_distance, Mapping):

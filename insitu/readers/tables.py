@@ -115,7 +115,7 @@ def _parsed(text: str, folder: Path, wanted: Sequence[str], more_in_files: bool)
     column = next((i for i, name in enumerate(names) if name.lower() in PATH_COLUMNS), None)
     if column is None:
         raise ValueError(f"it needs a column 'path', got {names}")
-    other = [n for i, n in enumerate(names) if i != column and n.lower() not in ("split", "name")]
+    other = [n for i, n in enumerate(names) if i != column and (n in wanted or n.lower() not in ("split", "name"))]
     unknown = [name for name in wanted if name not in other]
     if more_in_files:
         wanted = [name for name in wanted if name in other]
@@ -128,7 +128,7 @@ def _parsed(text: str, folder: Path, wanted: Sequence[str], more_in_files: bool)
         if len(cells) != len(names):
             raise ValueError(f"line {number} has {len(cells)} cells, the header {len(names)}")
         held = {name: cell.strip() for name, cell in zip(names, cells, strict=True)}
-        by_lower = {name.lower(): cell for name, cell in held.items()}
+        by_lower = {name.lower(): cell for name, cell in held.items() if name not in wanted}
         values = {name: _number(held[name], f"line {number}, column {name!r}") for name in wanted or other}
         rows.append(
             TableRow(
@@ -156,7 +156,9 @@ def _number(text: str, what: str) -> float:
 def _split(text: str, line: int) -> str:
     split = SPLIT_WORDS.get(text.lower(), text.lower())
     if split and split not in SPLITS:
-        raise ValueError(f"line {line}: split must be one of {SPLITS}, got {text!r}")
+        raise ValueError(
+            f"line {line}: split must be one of {SPLITS}, got {text!r}; where it is a parameter, name all in --parameters"
+        )
     return split
 
 

@@ -57,7 +57,7 @@ class SurrogatePredictor:
         for case in cases:
             batches.setdefault(tuple(self.parameters_of(case).items()), []).append(case)
         for parameters, batch in batches.items():
-            deformed = self.at(**dict(parameters))
+            deformed = self.at(dict(parameters))
             yield batch, partial(self._drawn, deformed)
 
     def _drawn(self, deformed: DeformedGaussians, case: Case) -> list[NDArray[np.float32]]:

@@ -36,7 +36,7 @@ def measure(
     for i in range(TIMED):
         member = members[i % len(members)]
         started = time.perf_counter()
-        deformed = surrogate.at(**member.parameters, **settings[i % len(settings)])
+        deformed = surrogate.at({**member.parameters, **settings[i % len(settings)]})
         between = time.perf_counter()
         deformed.render(member.cameras[i * len(member.cameras) // TIMED])
         views.append(time.perf_counter() - between)

@@ -50,8 +50,8 @@ class Setting:
         Values out of bounds are shown without a warning: the page says so itself.
         """
         if not self.color_map:
-            return surrogate.at(outside="allow", **self.parameters, **self.visualization)
-        return surrogate.under(self.transfer_function(surrogate), outside="allow", **self.parameters)
+            return surrogate.at(self.values, outside="allow")
+        return surrogate.under(self.transfer_function(surrogate), self.parameters, outside="allow")
 
     def transfer_function(self, surrogate: Surrogate) -> TransferFunction:
         """The one that is shown; raises ValueError where the surrogate follows none, or where control points cross."""

@@ -67,8 +67,12 @@ class Surrogate:
     encodings: Mapping[str, Encoding] = field(default_factory=dict)
     visualizations: tuple[Visualization, ...] = ()
 
-    def at(self, *, outside: Any = "warn", **parameters: float | str) -> DeformedGaussians:
+    def at(
+        self, values: Mapping[str, Any] | None = None, /, *, outside: Any = "warn", **parameters: float | str
+    ) -> DeformedGaussians:
         """The ensemble at `parameters`, those of the simulation all by name, in their units.
+
+        Names that Python or this function has another use for, such as `lambda` or `outside`, go into the mapping `values`.
 
         Without more it has the base appearance.  The visualization parameters of one variation may follow: an `isovalue`, or the
         name of another `appearance` that was learnt, such as one of another field.  Displacements of the base transfer function's
@@ -77,17 +81,23 @@ class Surrogate:
         Raises ValueError for missing, unknown or non-finite ones, or where no variation has them; warns where one lies out of
         bounds, unless `outside` is "allow".
         """
-        return self._at(self._place(parameters, outside), outside)
+        return self._at(self._place({**(values or {}), **parameters}, outside), outside)
 
     def under(
-        self, transfer_function: TransferFunction, /, *, outside: Any = "warn", **parameters: float
+        self,
+        transfer_function: TransferFunction,
+        values: Mapping[str, float] | None = None,
+        /,
+        *,
+        outside: Any = "warn",
+        **parameters: float,
     ) -> DeformedGaussians:
-        """The ensemble at simulation `parameters` under any transfer function, in opacity and colour.
+        """The ensemble at simulation `parameters`, and `values` as in `at`, under any transfer function, in opacity and colour.
 
         What no training function showed is a guess.  Raises ValueError where the surrogate
         knows no field values (it then learnt colours, or transfer functions by their displacements), or as `at` does.
         """
-        return self._at(self._place(parameters, outside, transfer_function), outside)
+        return self._at(self._place({**(values or {}), **parameters}, outside, transfer_function), outside)
 
     def render(
         self,

@@ -34,7 +34,7 @@ def draw_sheet(figure: Any, title: str, images: Mapping[str, Scored], surrogate:
     for axes, (name, scored) in zip(grid, images.items(), strict=True):
         case, background = scored.target, catalog.plan.background
         stored = catalog.image(case.member, case.appearance, case.view)
-        drawn = surrogate.at(**case.parameters).render(case.camera, background=background)
+        drawn = surrogate.at(case.parameters).render(case.camera, background=background)
         _draw_row(
             axes, _place(case.parameters, units), *(composite(image, background or WHITE) for image in (stored, drawn))
         )

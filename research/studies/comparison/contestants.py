@@ -163,7 +163,7 @@ class OurSurrogate:
             return clock() - begun
 
         def at(case: Case) -> Callable[[Case], object]:
-            deformed = surrogate.at(**case.member.parameters, **case.varied)
+            deformed = surrogate.at({**case.member.parameters, **case.varied})
             return lambda other: deformed.render(other.camera)
 
         settings = {"seed": plan.seed, "validation_images": WATCHED, "device": session.device}

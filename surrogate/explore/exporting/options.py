@@ -121,7 +121,7 @@ def _merged(varied: Mapping[str, float | str], like: Mapping[str, float | str]) 
 
 def _displacement(run: Run, name: str, value: float | str) -> float | str:
     """The value as settings hold it; raises ValueError for a control point of a base that nobody knows."""
-    if name not in POINT_PARAMETERS or name not in parameters_of(run.surrogate) or isinstance(value, str):
+    if name not in POINT_PARAMETERS or name not in run.surrogate.visualization_names or isinstance(value, str):
         return value
     if not run.origins:
         raise ValueError(
@@ -137,8 +137,10 @@ def _axis(run: Run, name: str, steps: int, *ends: float | None) -> Axis:
 def _assignment(text: str) -> tuple[str, float | str]:
     name, _, value = (part.strip() for part in text.partition("="))
     try:
-        return name, value if value and name == APPEARANCE else float(value)
+        return name, float(value)
     except ValueError:
+        if value and name == APPEARANCE:  # no name of an appearance reads as a number
+            return name, value
         raise ValueError(f"parameters are given as NAME=VALUE, got {text!r}") from None
 
 

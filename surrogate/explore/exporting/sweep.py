@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 
 from catalogs.vocabulary.cameras import Camera
 from catalogs.vocabulary.parameters import Parameter
-from catalogs.vocabulary.variations import APPEARANCE
 from surrogate.explore.request import within
 from surrogate.explore.run import Run
 from surrogate.explore.setting import Setting, listed
@@ -50,7 +49,7 @@ class Axis:
     origin: float = 0.0
 
     def __post_init__(self) -> None:
-        if self.name == APPEARANCE or not self.name:
+        if not self.name:
             raise ValueError(f"a sweep goes over a parameter that is a number, got {self.name!r}: name another one")
         if not -math.inf < self.low < self.high < math.inf:
             raise ValueError(

@@ -17,7 +17,6 @@ from catalogs.store.catalog import Catalog, CatalogError
 from catalogs.tools.check import check
 from catalogs.vocabulary.appearance import Isosurface
 from catalogs.vocabulary.cameras import orbit
-from catalogs.vocabulary.parameters import Parameter, ParameterSpace
 from tests.catalogs.conftest import add_member, make_plan, picture
 from tests.support.catalog_files import tree
 
@@ -239,9 +238,6 @@ def test_a_missing_or_damaged_image_is_named(catalog: Catalog) -> None:
         {"view_splits": ("tain",) * 12},
         {"image_format": "gif"},
         {"appearances": ()},
-        {"space": ParameterSpace((Parameter("file_number", 0.0, 1.0),))},
-        {"space": ParameterSpace((Parameter("view", 0.0, 1.0),))},
-        {"space": ParameterSpace((Parameter("1", 0.0, 1.0),))},
     ],
 )
 def test_an_impossible_plan_is_refused(changes: dict[str, object]) -> None:

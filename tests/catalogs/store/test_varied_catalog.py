@@ -233,7 +233,7 @@ def test_variations_and_appearances_must_fit(case: str) -> None:
 def test_a_parameter_of_the_simulation_can_not_have_a_varied_name(tmp_path: Path) -> None:
     from catalogs.vocabulary.parameters import Parameter, ParameterSpace
 
-    with pytest.raises(CatalogError, match="'c1_value' occurs more than once"):
+    with pytest.raises(CatalogError, match="'c1_value' has the name of a visualization parameter"):
         varied_plan(space=ParameterSpace((Parameter("c1_value", 0.0, 1.0),)))
 
 

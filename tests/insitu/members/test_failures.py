@@ -172,3 +172,24 @@ def test_mistakes_in_the_plan_are_raised_at_once(session: insitu.Session, wrong:
 def test_one_member_may_be_treated_otherwise_than_the_session_does(session: insitu.Session) -> None:
     with pytest.raises(ValueError, match="NaN"):
         session.render_member(not_a_number(), RE, spacing=SPACING, on_error="raise")
+
+
+DUMPS: dict[str, Any] = {**PLAN, "space": {"nu": (0.0, 1.0), "k": (0.0, 1.0), "time": (0.0, 10.0)}}
+
+
+def test_failed_dumps_of_one_run_are_named_as_they_would_be_stored(tmp_path: Path) -> None:
+    path, asked = tmp_path / "a.cdb", {"k": 0.5, "nu": 0.25}  # in another order than the space's
+    with insitu.Session(path, on_error="warn", **DUMPS) as session, warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        session.render_member(blob(), {**asked, "k": 0.0}, time=0.0, spacing=SPACING)
+        for time in (1.0, 2.0, 3.0):
+            session.render_member(not_a_number(), asked, time=time, spacing=SPACING)
+        names = [f"nu-0.25_k-0.5_time-{time}" for time in (1.0, 2.0, 3.0)]
+        assert list(session.failures) == [m.name for m in Catalog.open(path).missing] == names
+        assert Catalog.open(path).missing[1].parameters == {"nu": 0.25, "k": 0.5, "time": 2.0}
+        session.render_member(blob(), asked, time=1.0, spacing=SPACING)
+        session.render_member(blob(), asked, time=2.0, spacing=SPACING, name="another")
+        assert list(session.failures) == [m.name for m in Catalog.open(path).missing] == names[2:]
+    with insitu.Session(path) as session:  # of a later run
+        session.render_member(blob(), asked, time=3.0, spacing=SPACING, name="third")
+    assert Catalog.open(path).missing == ()

@@ -108,7 +108,7 @@ VOLUME = VolumeRendering("dvr", FUNCTION)
         ({"bounds": "all"}, "bounds must be .*, got all"),
         ({"bounds": ((0, 0), (1, 1))}, "bounds must be"),
         ({"target_decibels": "high"}, "target_decibels must be a finite number, got 'high'"),
-        ({"target_decibels": -1}, "target_decibels must be positive, got -1"),
+        ({"target_decibels": -1}, "target_decibels must lie between 0 and 58.*got -1"),
         ({"sample_distance": "fine"}, r"sample_distance \(world units\) must be a finite number, got 'fine'"),
         ({"sample_distance": {"dvr": 0}}, r"sample_distance \(world units\) must be positive, got 0"),
         ({"image_format": "jpg"}, r"image_format must be one of \['exr', 'png'\], got 'jpg'"),

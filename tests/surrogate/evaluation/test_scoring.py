@@ -72,7 +72,7 @@ def test_scores_keep_the_order_and_a_few_are_looked_at(tmp_path) -> None:
     mixed = [cases[i] for i in np.random.default_rng(0).permutation(len(cases))]
     done, asked = list[tuple[int, int]](), list[dict]()
     [scores] = score_cases(
-        SurrogatePredictor(lambda **parameters: asked.append(parameters) or surrogate.at(**parameters), None),
+        SurrogatePredictor(lambda parameters: asked.append(parameters) or surrogate.at(parameters), None),
         catalog,
         mixed,
         perceptual=Counting(),

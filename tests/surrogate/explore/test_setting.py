@@ -32,9 +32,9 @@ def test_values_out_of_bounds_bring_no_warning(setting: Setting) -> None:
 def test_threads_draw_at_the_same_time(monkeypatch: pytest.MonkeyPatch) -> None:
     surrogate, together, at = following(), threading.Barrier(3), Surrogate.at
 
-    def meeting(self: Surrogate, **parameters: Any) -> DeformedGaussians:
+    def meeting(self: Surrogate, *values: Any, **more: Any) -> DeformedGaussians:
         together.wait(timeout=60)  # broken unless all three are inside at once
-        return at(self, **parameters)
+        return at(self, *values, **more)
 
     monkeypatch.setattr(Surrogate, "at", meeting)
     settings = [Setting({"p": p}) for p in (0.0, 0.5, 1.5)]

@@ -9,6 +9,7 @@ import pytest
 import torch
 
 from catalogs.vocabulary.cameras import Camera
+from catalogs.vocabulary.parameters import ParameterSpace
 from catalogs.vocabulary.variations import displaced
 from surrogate import Surrogate
 from surrogate.splatting import render
@@ -102,6 +103,16 @@ def test_visualization_parameters_are_those_of_its_variations() -> None:
     place = torch.tensor([2.0 * 0.3 - 1.0, *ISOVALUE.normalize([0.4])], dtype=torch.float32)
     expected = isovalue.gaussians_at(model.gaussians, model.deformation, place)
     assert same(model.at(isovalue=0.4, p=0.3).gaussians, expected)
+
+
+@pytest.mark.parametrize("name", ["self", "outside", "lambda", "appearance", "transfer_function", "values"])
+def test_parameters_of_any_name_are_set_in_a_mapping(name: str) -> None:
+    plain = some_surrogate()
+    space = ParameterSpace((replace(plain.space.parameters[0], name=name), plain.space.parameters[1]))
+    named = replace(plain, space=space)
+    assert same(named.at({name: 1600.0}, time=1.0).gaussians, plain.at(Re=1600.0, time=1.0).gaussians)
+    if name != "outside":
+        assert same(named.at(**{name: 1600.0, "time": 1.0}).gaussians, plain.at(Re=1600.0, time=1.0).gaussians)
 
 
 def test_without_visualization_parameters_it_looks_as_the_base() -> None:

@@ -1,0 +1,64 @@
+"""Checks of a new catalog before anything is simulated, read or drawn for it."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from pathlib import Path
+from typing import Any
+
+from catalogs.store.description import check_place
+from catalogs.vocabulary.appearance import shown_fields
+from catalogs.vocabulary.scene import ViewPlan
+from insitu.members.planning import Pilot, PlanOptions, check_complete, plan_catalog
+
+ANY_SIDE = 4096  # pixels: what every OpenGL draws
+UNIT_BOX = (0.0, 0.0, 0.0), (1.0, 1.0, 1.0)
+
+
+def check_new(path: Path, options: PlanOptions) -> None:
+    """Raise ValueError or OSError where no catalog of these options can be made at `path`, whatever its members hold.
+
+    All that is checked is known without a field: that the options are complete and agree, and that the folder can be written.
+    """
+    _, appearances = check_complete(options)
+    ranges = dict.fromkeys(shown_fields(appearances), (0.0, 1.0))
+    plan = plan_catalog(Pilot(options.bounds or UNIT_BOX, ranges), options)
+    plan.check_recordable()
+    check_place(path, plan)
+    _check_writable(path)
+    views = options.views or ViewPlan()
+    if 2 * max(views.width, views.height) > ANY_SIDE:
+        from render.views import check_sizes
+
+        check_sizes(appearances, plan.cameras[:1])
+
+
+def checked_path(catalog: Any) -> Path:
+    """The catalog's path; raises ValueError for anything else."""
+    try:
+        return Path(catalog)
+    except TypeError:
+        raise ValueError(f"catalog must be the path of a .cdb folder, got {catalog!r}") from None
+
+
+def checked_function(function: Any, name: str) -> Any:
+    """A function or None; raises ValueError for anything else."""
+    if function is not None and not callable(function):
+        raise ValueError(f"{name} must be a function, got {function!r}")
+    return function
+
+
+def _check_writable(path: Path) -> None:
+    """Raise OSError where nothing can be written at `path`, by making a folder where it would be and removing it."""
+    place = path.absolute()
+    while not os.path.lexists(place):
+        place = place.parent
+    try:
+        os.rmdir(tempfile.mkdtemp(prefix=".gs-", dir=place))
+    except OSError as error:
+        raise OSError(
+            error.errno,
+            f"{error.strerror}: no catalog can be written here, choose another folder, or make room or permission",
+            str(path),
+        ) from error
