@@ -6,11 +6,10 @@ compared with the free memory before it is read.
 
 from __future__ import annotations
 
-import json
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -18,14 +17,15 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
+from insitu.readers.missing import decoded
+from insitu.readers.netcdf import is_classic, read_header
+from insitu.readers.zarr_store import check_store
+
 HDF5 = {".h5", ".hdf5", ".he5", ".hdf", ".h5py"}
 NETCDF = {".nc", ".nc4", ".cdf", ".netcdf"}
 ZARR = {".zarr"}
-# Of Zarr's codecs those that only compress: one of numpy objects would unpickle, and run, what it reads.
-CODECS = (
-    "adler32 astype bitround blosc bytes bz2 crc32 crc32c delta endian fixedscaleoffset fletcher32 gzip lz4 lzma packbits pcodec "
-    "quantize sharding_indexed shuffle transpose vlen-bytes vlen-utf8 zfpy zlib zstd"
-)
+AS_STORED = {"mask_and_scale": False, "decode_times": False, "decode_coords": False, "cache": False}
+NETCDF4 = "reading this netCDF file takes netCDF4: pip install 'gs-surrogate[mpas]'"
 XARRAY = "reading {} takes xarray: pip install 'gs-surrogate[xarray]'"
 
 
@@ -37,7 +37,8 @@ class StoredArray:
     ----------
     name : its path in the file, "group/array".
     dims : names of its axes, "" where they have none.
-    fetch : reads what lies at indices of the first axes.
+    fetch : reads what is stored at indices of the first axes.
+    default_fill : netCDF's default fill value marks what was never written.
     """
 
     name: str
@@ -46,6 +47,7 @@ class StoredArray:
     dims: tuple[str, ...]
     attrs: Mapping[str, Any]
     fetch: Callable[[tuple[int, ...]], Any] = field(repr=False)
+    default_fill: bool = False
 
     def __repr__(self) -> str:
         return f"{self.name} {self.dtype} {self.shape}"
@@ -65,12 +67,16 @@ class StoredArray:
         return self.dtype.kind in "fiub"
 
     def read(self, index: tuple[int, ...] = ()) -> NDArray[Any]:
-        """The values at indices of the first axes; raises ValueError where they can't be read or have no room in memory."""
+        """The values at indices of the first axes, unpacked, NaN where missing (see `insitu.readers.missing`).
+
+        Raises ValueError where they can't be read or have no room in memory.
+        """
         check_room(int(np.prod(self.shape[len(index) :], dtype=np.float64)) * max(4, self.dtype.itemsize), repr(self))
         try:
             values = np.asarray(self.fetch(index))
         except (OSError, KeyError, RuntimeError, ValueError) as error:
             raise ValueError(f"{self.name!r}{list(index) or ''} cannot be read: {error}") from None
+        values = decoded(values, self.attrs, self.name, default_fill=self.default_fill)
         return values.astype(np.float32) if values.dtype == np.float16 else values
 
 
@@ -175,13 +181,8 @@ def _opener(path: Path) -> Any:
 @contextmanager
 def _hdf5(path: Path) -> Iterator[Arrays]:
     with h5py.File(path, "r") as file:
-        if "_NCProperties" in file.attrs:
-            _refuse_outside(file)
-            held: Any = None
-        else:
-            held = _of_hdf5(file)
-        if held is not None:
-            yield held
+        if "_NCProperties" not in file.attrs:
+            yield _of_hdf5(file)
             return
     with _netcdf(path) as arrays:
         yield arrays
@@ -254,23 +255,71 @@ def _refuse_outside(file: h5py.File) -> None:
 
 @contextmanager
 def _netcdf(path: Path) -> Iterator[Arrays]:
-    xarray = _xarray("netCDF")
-    if h5py.is_hdf5(path):
-        with h5py.File(path, "r") as file:
-            _refuse_outside(file)
-        groups = xarray.open_groups(path, engine="h5netcdf", decode_times=False, cache=False)
+    unfilled: set[str] = set()
+    if is_classic(path):
+        if read_header(path).version == 5:  # which the netCDF library alone reads
+            with open_classic(path) as arrays:
+                yield arrays
+            return
+        groups = {"/": _xarray("netCDF").open_dataset(path, engine="scipy", **AS_STORED)}
     else:
-        groups = {"/": xarray.open_dataset(path, engine="scipy", decode_times=False, cache=False)}
+        xarray = _xarray("netCDF")
+        if h5py.is_hdf5(path):
+            with h5py.File(path, "r") as file:
+                _refuse_outside(file)
+                unfilled = _unfilled(file)
+        groups = xarray.open_groups(path, engine="h5netcdf", **AS_STORED)
     with _of_xarray(groups) as arrays:
-        yield arrays
+        filled = {n: replace(a, default_fill=n not in unfilled) for n, a in arrays.arrays.items()}
+        yield Arrays(filled, arrays.attrs)
+
+
+@contextmanager
+def open_classic(path: Path) -> Iterator[Arrays]:
+    """The arrays of a classic netCDF file, as they are stored, as long as it is open.
+
+    Raises ValueError where its header is damaged, ModuleNotFoundError without netCDF4.
+    """
+    read_header(path)
+    try:
+        import netCDF4
+    except ModuleNotFoundError:
+        raise ModuleNotFoundError(NETCDF4) from None
+    with netCDF4.Dataset(str(path), "r") as file:
+        file.set_auto_maskandscale(False)
+        attrs = {name: file.getncattr(name) for name in file.ncattrs()}
+        yield Arrays({name: _stored(name, held) for name, held in file.variables.items()}, {"": attrs})
+
+
+def _stored(name: str, held: Any) -> StoredArray:
+    attrs = {key: held.getncattr(key) for key in held.ncattrs()}
+    dims, fetch = tuple(held.dimensions), _fetch(held)
+    return StoredArray(name, tuple(held.shape), np.dtype(held.dtype), dims, attrs, fetch, default_fill=True)
+
+
+def _fetch(held: Any) -> Callable[[tuple[int, ...]], Any]:
+    return lambda index: held[index] if index else held[...]
+
+
+def _unfilled(file: h5py.File) -> set[str]:
+    """Arrays of bytes without a fill value: netCDF has no default for these."""
+    found: set[str] = set()
+
+    def visit(name: str, held: Any) -> None:
+        if isinstance(held, h5py.Dataset) and held.dtype.itemsize == 1:
+            defined = held.id.get_create_plist().fill_value_defined()
+            found.update([name] if defined != h5py.h5d.FILL_VALUE_USER_DEFINED else [])
+
+    file.visititems(visit)
+    return found
 
 
 @contextmanager
 def _zarr(path: Path) -> Iterator[Arrays]:
-    _check_zarr(path)
+    check_store(path)
     xarray = _xarray("Zarr")
     try:
-        groups = xarray.open_groups(path, engine="zarr", decode_times=False, cache=False, consolidated=False)
+        groups = xarray.open_groups(path, engine="zarr", consolidated=False, **AS_STORED)
     except (KeyError, ValueError):  # axes without names
         yield _of_zarr(path)
         return
@@ -331,33 +380,3 @@ def _of_zarr(path: Path) -> Arrays:
 
 def _of_array(array: Any) -> Callable[[tuple[int, ...]], Any]:
     return lambda index: array[index] if index else array[...]
-
-
-def _check_zarr(path: Path) -> None:
-    """Raise ValueError where a store leads out of its folder, or names a codec that is not known to be harmless."""
-    inside = path.resolve()
-    if not path.is_dir():
-        raise ValueError("a Zarr store is a folder: unpack it")
-    for folder, folders, files in os.walk(path):
-        for name in [*folders, *files]:
-            if (place := Path(folder, name)).is_symlink() and not place.resolve().is_relative_to(inside):
-                raise ValueError(f"{place.relative_to(path)} is a link out of the store: only what lies in it is read")
-        for name in {"zarr.json", ".zarray", ".zmetadata"}.intersection(files):
-            unknown = sorted(_codecs(json.loads(Path(folder, name).read_text(encoding="utf-8"))) - set(CODECS.split()))
-            if unknown:
-                raise ValueError(
-                    f"{Path(folder, name).relative_to(path)} uses the codecs {unknown}, which could run code or are unknown"
-                )
-
-
-def _codecs(record: Any) -> set[str]:
-    """Names of all codecs in the metadata of an array, those of older and newer versions alike."""
-    found: set[str] = set()
-    if isinstance(record, dict):
-        for key in ("compressor", "filters", "codecs", "index_codecs"):
-            listed = record.get(key) or []
-            for codec in listed if isinstance(listed, list) else [listed]:
-                if isinstance(codec, dict):
-                    found.add(str(codec.get("id") or codec.get("name")).removeprefix("numcodecs."))
-        return found.union(*map(_codecs, record.values()))
-    return found.union(*map(_codecs, record)) if isinstance(record, list) else found

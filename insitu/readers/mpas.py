@@ -18,9 +18,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from insitu.fields.field import Field
-from insitu.readers.arrays import Arrays, StoredArray, check_room, open_arrays
+from insitu.readers.arrays import NETCDF4, Arrays, StoredArray, check_room, open_arrays, open_classic
 from insitu.readers.attributes import as_text
-from insitu.readers.netcdf import NETCDF4, is_classic, open_classic, read_header
+from insitu.readers.netcdf import is_classic, read_header
 from insitu.readers.reader import Reader, Sampling, StoredState, chosen_array
 from insitu.readers.voronoi import PointLocations, VoronoiMesh, locate, on_sphere, spacing_of
 

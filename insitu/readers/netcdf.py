@@ -7,27 +7,26 @@ from __future__ import annotations
 
 import math
 import struct
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, BinaryIO
-
-from insitu.readers.arrays import Arrays, StoredArray
+from typing import BinaryIO
 
 MAGIC = b"CDF"
 DIMENSIONS, VARIABLES, ATTRIBUTES = 0x0A, 0x0B, 0x0C
 SIZES = {1: 1, 2: 1, 3: 2, 4: 4, 5: 4, 6: 8, 7: 1, 8: 2, 9: 4, 10: 8, 11: 8}  # bytes of a value by nc_type
 LARGEST = 1 << 28  # bytes of a header
-NETCDF4 = "reading this netCDF file takes netCDF4: pip install 'gs-surrogate[mpas]'"
 
 
 @dataclass(frozen=True)
 class ClassicHeader:
-    """Lengths of the dimensions, of the unlimited one as many as there are records, and the variables' dimensions, by name."""
+    """Lengths of the dimensions, of the unlimited one as many as there are records, and the variables' dimensions, by name.
+
+    `version` is 1, 2 or 5, the last byte of the file's mark.
+    """
 
     dimensions: dict[str, int]
     variables: dict[str, tuple[str, ...]]
+    version: int = 1
 
 
 def is_classic(path: Path) -> bool:
@@ -45,32 +44,6 @@ def read_header(path: Path) -> ClassicHeader:
     size = path.stat().st_size
     with path.open("rb") as file:
         return _header(_Words(file, min(size, LARGEST)), size)
-
-
-@contextmanager
-def open_classic(path: Path) -> Iterator[Arrays]:
-    """The arrays of a classic netCDF file, as they are stored, as long as it is open.
-
-    Raises ValueError where its header is damaged, ModuleNotFoundError without netCDF4.
-    """
-    read_header(path)
-    try:
-        import netCDF4
-    except ModuleNotFoundError:
-        raise ModuleNotFoundError(NETCDF4) from None
-    with netCDF4.Dataset(str(path), "r") as file:
-        file.set_auto_maskandscale(False)
-        attrs = {name: file.getncattr(name) for name in file.ncattrs()}
-        yield Arrays({name: _stored(name, held) for name, held in file.variables.items()}, {"": attrs})
-
-
-def _stored(name: str, held: Any) -> StoredArray:
-    attrs = {key: held.getncattr(key) for key in held.ncattrs()}
-    return StoredArray(name, tuple(held.shape), held.dtype, tuple(held.dimensions), attrs, _fetch(held))
-
-
-def _fetch(held: Any) -> Callable[[tuple[int, ...]], Any]:
-    return lambda index: held[index] if index else held[...]
 
 
 class _Words:
@@ -159,7 +132,7 @@ def _header(words: _Words, size: int) -> ClassicHeader:
             raise ValueError(
                 f"its variable {name[:40]!r} ends at byte {end}, the file has {size}: is it being written?"
             )
-    return ClassicHeader({name: length or records for name, length in lengths}, variables)
+    return ClassicHeader({name: length or records for name, length in lengths}, variables, words.version)
 
 
 def _skip_attributes(words: _Words) -> None:

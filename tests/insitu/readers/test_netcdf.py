@@ -10,7 +10,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from insitu.readers.netcdf import is_classic, open_classic, read_header
+from insitu.readers.arrays import open_classic
+from insitu.readers.netcdf import is_classic, read_header
 from tests.support.damage import damaged, memory_at_most
 
 netCDF4 = pytest.importorskip("netCDF4", reason="netCDF4 is not installed: pip install 'gs-surrogate[mpas]'")

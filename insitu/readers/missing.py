@@ -1,0 +1,125 @@
+"""Missing and packed values of stored arrays, by the attributes of the netCDF Users Guide and of CF.
+
+The rules are those of netCDF4-python (`Variable.set_auto_maskandscale`): `_FillValue`, `missing_value`, `valid_range`, `valid_min`
+and `valid_max` are of the type that is stored, before `scale_factor` and `add_offset`; one that this type cannot hold marks
+nothing.  In netCDF files, and there alone, the default fill value stands for what was never written.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+# "Default fill values" in the netCDF C library's netcdf.h, by numpy's kind and size.
+DEFAULT_FILLS = {
+    "i1": -127,
+    "u1": 255,
+    "i2": -32767,
+    "u2": 65535,
+    "i4": -2147483647,
+    "u4": 4294967295,
+    "i8": -9223372036854775806,
+    "u8": 18446744073709551614,
+    "f4": 9.969209968386869e36,
+    "f8": 9.969209968386869e36,
+}
+
+
+def decoded(
+    values: NDArray[Any], attrs: Mapping[str, Any], name: str = "", *, default_fill: bool = False
+) -> NDArray[Any]:
+    """Stored `values` as what they stand for: unpacked, NaN where missing; as they are where nothing is packed or missing.
+
+    Parameters
+    ----------
+    name : of the array, for warnings.
+    default_fill : without `_FillValue`, netCDF's default fill value marks what is missing.
+    """
+    if values.dtype.kind not in "fiu":
+        return values
+    values = values.astype(values.dtype.newbyteorder("="), copy=False)
+    stored, values = values.dtype, _signed(values, attrs)
+    missing = _missing(values, stored, attrs, name, default_fill)
+    scale, offset = (_number(attrs.get(key)) for key in ("scale_factor", "add_offset"))
+    if scale is not None or offset is not None:
+        values = values.astype(_float_type(values.dtype, scale, offset))
+        if scale is not None:
+            values *= scale
+        if offset is not None:
+            values += offset
+    if missing is None:
+        return values
+    kept = values.dtype.kind == "f"
+    values = np.array(values, dtype=values.dtype if kept else _float_type(values.dtype, None, None))
+    values[missing] = np.nan
+    return values
+
+
+def _signed(values: NDArray[Any], attrs: Mapping[str, Any]) -> NDArray[Any]:
+    """Integers with the sign that the attribute _Unsigned gives them."""
+    stated = attrs.get("_Unsigned")
+    word = (stated.decode() if isinstance(stated, bytes) else str(stated)).lower()
+    kind = {("i", "true"): "u", ("u", "false"): "i"}.get((values.dtype.kind, word))
+    return values if kind is None else values.view(f"{kind}{values.dtype.itemsize}")
+
+
+def _missing(
+    values: NDArray[Any], stored: np.dtype[Any], attrs: Mapping[str, Any], name: str, default_fill: bool
+) -> NDArray[np.bool_] | None:
+    """True where a value is missing; None where none is."""
+    marks = [_stated(attrs, key, stored, values.dtype, name) for key in ("_FillValue", "missing_value")]
+    usual = DEFAULT_FILLS.get(values.dtype.str[1:]) if values.dtype == stored else None
+    if default_fill and "_FillValue" not in attrs and usual is not None:
+        marks.append(np.array([usual], stored))
+    found = [np.isnan(values) if mark != mark else values == mark for held in marks for mark in held]
+    low, high = (_stated(attrs, key, stored, values.dtype, name)[:1] for key in ("valid_min", "valid_max"))
+    both = _stated(attrs, "valid_range", stored, values.dtype, name)
+    if both.size == 2:
+        low, high = both[:1], both[1:]
+    found += [values < bound for bound in low] + [values > bound for bound in high]
+    missing = None
+    for marked in found:
+        missing = marked if missing is None else missing | marked
+    return missing if missing is not None and missing.any() else None
+
+
+def _stated(attrs: Mapping[str, Any], key: str, stored: np.dtype[Any], seen: np.dtype[Any], name: str) -> NDArray[Any]:
+    """The numbers of an attribute in the type of the array, none where it has none or that cannot hold them."""
+    if attrs.get(key) is None:
+        return np.empty(0, seen)
+    given = np.ravel(attrs[key])
+    try:
+        with np.errstate(all="ignore"):
+            held = given.astype(stored)
+            is_same = bool(((held == given) | ((held != held) & (given != given))).all())
+    except (TypeError, ValueError):
+        is_same = False
+    if is_same:
+        return held.view(seen)
+    if seen != stored and given.dtype == seen:  # the unsigned value itself
+        return given
+    warnings.warn(
+        f"{name}: {key} {attrs[key]} does not fit {stored}: it marks nothing as missing, as in the netCDF library",
+        stacklevel=2,
+    )
+    return np.empty(0, seen)
+
+
+def _number(given: Any) -> Any:
+    """The one number of an attribute; None where it has none."""
+    held = np.ravel(given)
+    return held[0] if held.size == 1 and held.dtype.kind in "fiu" else None
+
+
+def _float_type(kind: np.dtype[Any], scale: Any, offset: Any) -> np.dtype[Any]:
+    """The type of unpacked values, that of `xarray.conventions.decode_cf_variable`."""
+    single, double = np.dtype(np.float32), np.dtype(np.float64)
+    given = {np.asarray(number).dtype for number in (scale, offset) if number is not None}
+    if not given:
+        return single if kind.itemsize <= (4 if kind.kind == "f" else 2) else double
+    is_wide = kind.kind != "f" and kind.itemsize == 4 and offset is not None
+    return double if given != {single} or scale is None or is_wide else single
