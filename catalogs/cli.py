@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from catalogs.commands import Commands, one_line_errors
 from catalogs.version import version_option
 
 if TYPE_CHECKING:
@@ -18,7 +19,7 @@ if TYPE_CHECKING:
 CATALOG = click.argument("path", type=click.Path(file_okay=False, path_type=Path))
 
 
-@click.group(context_settings={"help_option_names": ["-h", "--help"]})
+@click.group(cls=Commands, context_settings={"help_option_names": ["-h", "--help"]})
 @version_option
 def main() -> None:
     """Cinema databases of simulation ensembles."""
@@ -60,7 +61,7 @@ def show(path: Path) -> None:
     """Print the contents of PATH as a table."""
     from catalogs.tools.show import described
 
-    with _plain_errors():
+    with one_line_errors():
         for line in described(path):
             click.echo(line)
 
@@ -210,7 +211,7 @@ def browse(path: Path, host: str, port: int, show_page: bool) -> None:
     """Write a static page into PATH and serve it until Ctrl-C, to this machine only unless --host says otherwise."""
     from catalogs.browse import serve
 
-    with _plain_errors():
+    with one_line_errors():
         serve(path, host=host, port=port, open_page=show_page, announce=click.echo)
 
 
@@ -219,17 +220,8 @@ def _progress() -> Iterator[ProgressLine]:
     """A progress line for a command, with plain errors."""
     from catalogs.progress import ProgressLine
 
-    with _plain_errors(), ProgressLine() as line:
+    with one_line_errors(), ProgressLine() as line:
         yield line
-
-
-@contextmanager
-def _plain_errors() -> Iterator[None]:
-    """Print a user's mistake in one line, without a traceback."""
-    try:
-        yield
-    except (ValueError, OSError) as error:
-        raise click.ClickException(str(error)) from error
 
 
 def _numbers(option: str, text: str, count: int) -> list[float]:

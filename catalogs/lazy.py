@@ -6,14 +6,14 @@ The stub `__init__.pyi` beside the package is the table of its names, for type c
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import wraps
 from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from importlib.util import find_spec
+from typing import Any
 
-if TYPE_CHECKING:
-    import click
+from catalogs.extras import remedy
 
-EXTRAS = {"insitu": "insitu", "render": "insitu", "surrogate": "surrogate"}  # what brings their dependencies
+# The extra that brings the dependencies of each package, and one of them, which may be needed later than at import.
+NEEDED = {"insitu": ("insitu", "vtkmodules"), "render": ("insitu", "vtkmodules"), "surrogate": ("surrogate", "torch")}
 
 
 def public_names(package: str, path: str) -> tuple[list[str], Callable[[str], Any], Callable[[], list[str]]]:
@@ -31,30 +31,14 @@ def public_names(package: str, path: str) -> tuple[list[str], Callable[[str], An
             return import_module("catalogs.version").version()
         if name not in homes:
             raise AttributeError(f"module {package!r} has no attribute {name!r}; it has {', '.join(homes)}")
+        extra, needed = NEEDED.get(homes[name].partition(".")[0], ("", ""))
         try:
-            return getattr(import_module(homes[name]), name)
+            found = getattr(import_module(homes[name]), name)
+            if needed and find_spec(needed) is None:
+                raise ModuleNotFoundError(name=needed)
         except ModuleNotFoundError as error:
-            extra = "explore" if ".explore." in homes[name] else EXTRAS.get(package, "all")
-            remedy = f"{package}.{name} needs the package {error.name}: pip install 'gs-surrogate[{extra}]'"
-            raise ModuleNotFoundError(remedy, name=error.name) from error
+            extra = "explore" if ".explore." in homes[name] else extra
+            raise ModuleNotFoundError(remedy(error, f"{package}.{name}", extra), name=error.name) from error
+        return found
 
     return list(homes), load, lambda: [*homes, "__version__"]
-
-
-def with_remedy(command: click.Command, extra: str) -> click.Command:
-    """The same command, which reports a missing package in one sentence that names the extra."""
-    import click
-
-    run = command.callback
-    assert run is not None
-
-    @wraps(run)
-    def reported(*arguments: Any, **options: Any) -> Any:
-        try:
-            return run(*arguments, **options)
-        except ModuleNotFoundError as error:
-            remedy = f"`{command.name}` needs the package {error.name}: pip install 'gs-surrogate[{extra}]'"
-            raise click.ClickException(remedy) from error
-
-    command.callback = reported
-    return command

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import click
 
-from catalogs.lazy import with_remedy
+from catalogs.commands import Commands
 from catalogs.version import version_option
 from insitu.commands.dataset import dataset
 from insitu.commands.ensemble import ensemble
@@ -13,11 +13,11 @@ from insitu.commands.probe import probe
 from insitu.commands.watch import watch
 
 
-@click.group(context_settings={"help_option_names": ["-h", "--help"]})
+@click.group(cls=Commands, extra="insitu", context_settings={"help_option_names": ["-h", "--help"]})
 @version_option
 def main() -> None:
     """Render simulations while they run, into Cinema databases."""
 
 
 for command in (dataset, ensemble, watch, probe, library):
-    main.add_command(with_remedy(command, "insitu"))
+    main.add_command(command)

@@ -4,19 +4,21 @@ from __future__ import annotations
 
 import click
 
-from catalogs.lazy import with_remedy
+from catalogs.commands import Commands
 from catalogs.version import version_option
 from surrogate.explore.commands import explore
 from surrogate.explore.exporting.commands import export, sweep
 from surrogate.report.commands import evaluate
 from surrogate.training.commands import show, train
 
+EXTRAS = dict.fromkeys(("explore", "export", "sweep"), "explore")
 
-@click.group(context_settings={"help_option_names": ["-h", "--help"]})
+
+@click.group(cls=Commands, extra="surrogate", extras=EXTRAS, context_settings={"help_option_names": ["-h", "--help"]})
 @version_option
 def main() -> None:
     """Fit Gaussians to a Cinema catalog and see the ensemble at any view and parameter."""
 
 
 for command in (export, sweep, train, evaluate, show, explore):
-    main.add_command(with_remedy(command, "surrogate"))
+    main.add_command(command)

@@ -1,4 +1,4 @@
-"""Arguments, runs and one-line errors that all commands share."""
+"""Arguments and runs that all commands share."""
 
 from __future__ import annotations
 
@@ -9,6 +9,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
+
+from catalogs.commands import one_line_errors
 
 if TYPE_CHECKING:
     from catalogs.store.catalog import Catalog
@@ -134,26 +136,4 @@ def load_surrogate(directory: Path) -> Surrogate:
     try:
         return Surrogate.load(directory)
     except (FileNotFoundError, ValueError) as error:
-        raise click.ClickException(f"{error} (`surrogate train` makes one)") from error
-
-
-@contextlib.contextmanager
-def one_line_errors(*more: type[Exception], interrupted: str = "", extra: str = "") -> Iterator[None]:
-    """Tell ValueError, OSError and `more` in one line, without a traceback; say `interrupted` after Ctrl-C.
-
-    With `extra`, a missing package is reported too, with the extra of this project that installs it.
-    """
-    told: tuple[type[Exception], ...] = (ValueError, OSError, *more)
-    try:
-        yield
-    except told as error:
         raise click.ClickException(str(error)) from error
-    except ModuleNotFoundError as error:
-        if not extra:
-            raise
-        command = f"pip install 'gs-surrogate[{extra}]'"
-        raise click.ClickException(f"this needs the package {error.name}: {command}") from error
-    except KeyboardInterrupt:
-        if interrupted:
-            click.echo(f"interrupted: {interrupted}", err=True)
-        raise

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import click
 
+from catalogs.commands import one_line_errors
 from insitu.commands import shell
 
 
@@ -15,9 +16,7 @@ def library(folder: Path) -> None:
     """Build the hook for simulations in C, C++ and Fortran into FOLDER: libinsitu.so, insitu.h and insitu.f90."""
     from insitu.bindings.build import BuildError, build
 
-    try:
+    with one_line_errors(BuildError):
         made = build(folder)
-    except (BuildError, OSError) as error:
-        raise click.ClickException(str(error)) from None
     for path in made:
         click.echo(path)

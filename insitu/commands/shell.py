@@ -11,6 +11,7 @@ from typing import Any
 
 import click
 
+from catalogs.commands import one_line_errors
 from catalogs.progress import ProgressLine
 
 PATH = click.Path(path_type=Path)
@@ -84,12 +85,8 @@ def command() -> Iterator[ProgressLine]:
     in_main = threading.current_thread() is threading.main_thread()  # signals are its alone
     previous = signal.signal(signal.SIGTERM, signal.default_int_handler) if in_main else None
     try:
-        with ProgressLine() as line:
+        with one_line_errors(RuntimeError, interrupted="the same command goes on from here"), ProgressLine() as line:
             yield line
-    except (ValueError, OSError, RuntimeError) as error:
-        raise click.ClickException(str(error)) from error
-    except KeyboardInterrupt:
-        raise click.ClickException("interrupted; the same command goes on from here") from None
     finally:
         if in_main:
             signal.signal(signal.SIGTERM, previous)

@@ -11,8 +11,9 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from catalogs.commands import one_line_errors
 from catalogs.progress import ProgressLine
-from surrogate.command_line import RESULTS, RUNS, SCENE, OpenRun, load_surrogate, one_line_errors
+from surrogate.command_line import RESULTS, RUNS, SCENE, OpenRun, load_surrogate
 
 if TYPE_CHECKING:
     from catalogs.engines.engine import Engine

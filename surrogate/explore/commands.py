@@ -7,7 +7,8 @@ from typing import Any
 
 import click
 
-from surrogate.command_line import RUN, one_line_errors
+from catalogs.commands import one_line_errors
+from surrogate.command_line import RUN
 
 
 @click.command()
@@ -27,7 +28,7 @@ from surrogate.command_line import RUN, one_line_errors
 @click.option("--open/--no-open", "open_page", default=False, help="Open the page in this machine's browser.")
 def explore(run: Path, **options: Any) -> None:
     """Fly through the surrogate in RUN (such as runs/tgv) in a browser, until Ctrl-C."""
-    with one_line_errors(extra="explore"):
+    with one_line_errors():
         from surrogate.explore.run import Run
         from surrogate.explore.server.terminal import explore as serve
 

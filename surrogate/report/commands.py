@@ -9,8 +9,9 @@ from typing import Any
 
 import click
 
+from catalogs.commands import one_line_errors
 from catalogs.progress import ProgressLine
-from surrogate.command_line import RUNS, SCENE, OpenRun, load_surrogate, one_line_errors
+from surrogate.command_line import RUNS, SCENE, OpenRun, load_surrogate
 
 
 @click.command()
@@ -47,7 +48,7 @@ def evaluate(scene: Path, runs: Path, records: Path | None) -> None:
     from surrogate.evaluation.evaluate import evaluate as run
 
     started, begun = time.perf_counter(), time.process_time()
-    with one_line_errors():
+    with one_line_errors(interrupted="no report was written; run the same command to start again"):
         with ProgressLine() as line:
             evaluation = run(surrogate, opened.catalog, progress=line.count)
         seconds, judged = _dataset_seconds(opened.folder), (surrogate, opened.catalog, evaluation)

@@ -17,6 +17,7 @@ from torch import Tensor
 
 from catalogs.files import durable
 from catalogs.vocabulary.words import one_line
+from surrogate.storage.checkpoints import CHECKPOINT
 from surrogate.storage.encoding import Encoding
 from surrogate.storage.files import opened_inside
 from surrogate.storage.tensors import MOST_BYTES, read_tensors, tensors_of
@@ -105,7 +106,7 @@ def load(directory: str | os.PathLike[str], make: Callable[[StoredModel], Model]
     directory = Path(directory)
     path = directory / RECORD
     if not path.is_file():
-        raise FileNotFoundError(f"there is no trained surrogate in {directory}: {path} is missing")
+        raise FileNotFoundError(_absence(directory))
     with damaged(str(path)):
         with part("the file"), opened_inside(directory, RECORD, MOST_RECORD_BYTES) as (file, size):
             record = _record(file.read(size))
@@ -115,6 +116,14 @@ def load(directory: str | os.PathLike[str], make: Callable[[StoredModel], Model]
         with part(TENSORS), opened_inside(directory, TENSORS, MOST_BYTES) as (file, size):
             content = read_tensors(file, size)
         return _made(content, record, make)
+
+
+def _absence(directory: Path) -> str:
+    """The sentence that says why there is no model in `directory`, and what makes it."""
+    run = directory.parent
+    if (run / "run.json").is_file() or (directory / CHECKPOINT).is_file():
+        return f"the training in {run} has not ended yet: `surrogate train {run}` resumes it where it was interrupted"
+    return f"there is no trained surrogate in {directory}: `surrogate train` makes one"
 
 
 def of_contents(content: bytes, record: bytes, make: Callable[[StoredModel], Model]) -> Model:

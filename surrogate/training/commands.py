@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from catalogs.commands import one_line_errors
 from catalogs.progress import ProgressLine
-from surrogate.command_line import RUN, RUNS, OpenRun, kind_of, load_surrogate, one_line_errors
+from surrogate.command_line import RUN, RUNS, OpenRun, kind_of, load_surrogate
 
 if TYPE_CHECKING:
     from surrogate.model import Surrogate
@@ -66,7 +67,8 @@ def train(
         )
     from surrogate.training.ranks import launched
 
-    with one_line_errors(RuntimeError), launched() as ranks:
+    resumed = "what was trained is stored; run the same command to resume"
+    with one_line_errors(RuntimeError, interrupted=resumed), launched() as ranks:
         if kind == "catalog":
             run = _begun(source, output or runs / source.resolve().stem, settings, file, ranks, **asked)
             opened = OpenRun.of_run(run)
@@ -100,10 +102,9 @@ def _begun(
 
 
 def _train(opened: OpenRun, ranks: Ranks) -> None:
-    from surrogate.model import Surrogate
     from surrogate.training.messages import closing, tests_line
 
-    is_finished = ranks.by_first(lambda: Surrogate.exists(opened.model))
+    is_finished = ranks.by_first(lambda: _is_finished(opened))
     if ranks.is_first and (text := tests_line(opened.catalog)):
         click.echo(f"  {text}")
     surrogate, opened = _trained(opened, ranks)  # which looks whether it is this one
@@ -116,6 +117,17 @@ def _train(opened: OpenRun, ranks: Ranks) -> None:
     click.echo(f"{surrogate!r} after {surrogate.training['seconds']:.0f} s -> {opened.model}")
     for text in closing(surrogate, opened.catalog, opened.folder):
         click.echo(text)
+
+
+def _is_finished(opened: OpenRun) -> bool:
+    """True where there is a surrogate; else the run's folder says from now on how to resume its training."""
+    from surrogate.model import Surrogate
+    from surrogate.storage.runs import RECORD
+
+    is_finished = Surrogate.exists(opened.model)
+    if not is_finished and not (opened.folder / RECORD).is_file():
+        opened.keep_record()
+    return is_finished
 
 
 def _trained(opened: OpenRun, ranks: Ranks) -> tuple[Surrogate, OpenRun]:

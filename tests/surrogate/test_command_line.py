@@ -6,7 +6,7 @@ import click
 import pytest
 
 from surrogate.cli import main
-from surrogate.command_line import OpenRun, one_line_errors
+from surrogate.command_line import OpenRun
 from tests.support.results import SETTINGS_OF_SCENE, make_catalog, make_scene
 
 
@@ -29,18 +29,3 @@ def test_a_scene_is_opened_with_its_data_set(tmp_path: Path) -> None:
 def test_a_missing_data_set_is_named_with_what_makes_it(tmp_path: Path) -> None:
     with pytest.raises(click.ClickException, match=r"catalog\.cdb does not exist yet: make it with `insitu dataset "):
         OpenRun.open(make_scene(tmp_path, "blobs"), tmp_path / "runs")
-
-
-def test_errors_that_are_expected_are_told_in_one_line_and_others_are_not() -> None:
-    with pytest.raises(click.ClickException, match="no such scene"), one_line_errors():
-        raise ValueError("no such scene")
-    with pytest.raises(RuntimeError), one_line_errors():
-        raise RuntimeError("a bug")
-    with pytest.raises(click.ClickException), one_line_errors(RuntimeError):
-        raise RuntimeError("another process is training there")
-
-
-def test_an_interruption_says_what_is_kept(capsys: pytest.CaptureFixture[str]) -> None:
-    with pytest.raises(KeyboardInterrupt), one_line_errors(interrupted="all is kept"):
-        raise KeyboardInterrupt
-    assert capsys.readouterr().err == "interrupted: all is kept\n"

@@ -8,8 +8,9 @@ from typing import Any
 
 import click
 
+from catalogs.commands import one_line_errors
 from catalogs.progress import ProgressLine
-from surrogate.command_line import RUN, one_line_errors
+from surrogate.command_line import RUN
 from surrogate.explore.exporting.kinds import FILM_STEPS, FRAMES_PER_SECOND, KINDS, ROW_STEPS, SHEET_STEPS
 
 PARAMETERS = click.option(
@@ -91,9 +92,10 @@ def sweep(run: Path, output: Path, **options: Any) -> None:
 
 def _write(folder: Path, output: Path, kinds: Sequence[str], options: Mapping[str, Any]) -> None:
     """Write what the options ask for, and say what it is."""
-    with one_line_errors(extra="explore"):
+    with one_line_errors():
         endings = {f".{KINDS[kind][0]}": kind for kind in kinds}
-        kind = kinds[0] if output.is_dir() else endings.get(output.suffix.lower())
+        is_folder = output.is_dir() or (not output.suffix and not output.exists())
+        kind = kinds[0] if is_folder else endings.get(output.suffix.lower())
         if kind is None:
             raise ValueError(f"the file must end with one of {', '.join(endings)}, got {output.name}")
         if options.get("compare") and kind != "png":
@@ -112,9 +114,11 @@ def _write(folder: Path, output: Path, kinds: Sequence[str], options: Mapping[st
             click.echo(sentence, err=True)
         with ProgressLine() as line:
             content = request.content(run, lambda *drawn: line.count("drawing", *drawn) if drawn else None, expectation)
-        target = output / f"{file_name(run, request)}.{KINDS[kind][0]}" if output.is_dir() else output
-        durable.replace(target, content)
-        click.echo(f"{target}: {request.summary(run)}")
+        if is_folder:
+            output.mkdir(exist_ok=True)
+            output /= f"{file_name(run, request)}.{KINDS[kind][0]}"
+        durable.replace(output, content)
+        click.echo(f"{output}: {request.summary(run)}")
         expected = request.expected(run, expectation) if hasattr(request, "expected") else None
         if expected is not None:
             click.echo(expected.sentence)

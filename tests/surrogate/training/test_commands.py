@@ -144,3 +144,24 @@ def test_a_training_that_diverges_begins_anew(flow: Path, monkeypatch: pytest.Mo
     rates.clear()
     Path("mine.toml").write_text('name = "mine"\n[source]\nkind = "catalog"\npath = "flow.cdb"\n')
     assert "lower the rates" in refused("train", "mine.toml")
+
+
+@pytest.mark.parametrize("source", ["flow.cdb", "scenes/blobs.toml"])
+def test_an_interrupted_training_says_how_to_resume(flow: Path, monkeypatch: pytest.MonkeyPatch, source: str) -> None:
+    def interrupted(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    words, name = ((source, *SMALL), "flow") if source == "flow.cdb" else ((make_scene(Path("."), "blobs"),), "blobs")
+    if name == "blobs":
+        make_catalog(Path("."), "blobs")
+    with monkeypatch.context() as patch:
+        patch.setattr(surrogate.training.run, "_trained", interrupted)
+        stopped = CliRunner().invoke(main, ["train", *map(str, words)])
+    assert stopped.exit_code == 1
+    assert stopped.stderr.splitlines()[-1] == (
+        "Error: interrupted; what was trained is stored; run the same command to resume"
+    )
+    for command in (("show",), ("evaluate",), ("explore",), ("export", "-o", "a.png")):
+        said = refused(*command[:1], f"runs/{name}", *command[1:])
+        assert f"`surrogate train runs/{name}` resumes it where it was interrupted" in said
+    assert "dB" in call("train", f"runs/{name}")

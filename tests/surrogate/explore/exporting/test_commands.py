@@ -277,3 +277,13 @@ def test_a_model_that_is_not_there_is_named(tmp_path: Path) -> None:
     assert result.exit_code == 1
     assert "there is no trained surrogate in" in result.stderr
     assert not Surrogate.exists(tmp_path)
+
+
+def test_a_new_folder_is_made(run: Path, tmp_path: Path) -> None:
+    """Also by a comparison, which has no ending that says it."""
+    for number, more in enumerate(((), ("--compare", "p=0.5"))):
+        done(export, run, "--size", "8x8", *more, "-o", tmp_path / f"new{number}")
+        (picture,) = (tmp_path / f"new{number}").iterdir()
+        assert picture.suffix == ".png"
+    refused = invoke(export, run, "--compare", "p=0.5", "--size", "8x8", "-o", tmp_path / "absent" / "new")
+    assert "absent is not a folder: make it first" in refused.stderr

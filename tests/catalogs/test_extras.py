@@ -1,0 +1,110 @@
+"""Missing packages: the extra that brings each, in one sentence from every command and public name."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import subprocess
+import sys
+import tomllib
+from importlib.metadata import packages_distributions
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from catalogs.extras import OF_PACKAGE, remedy
+
+PROJECT = Path(__file__).resolve().parents[2]
+SENTENCE = r"^Error: `{command}` needs the package {package}: pip install 'gs-surrogate\[{extra}\]'$"
+
+
+def test_the_table_is_that_of_the_projects_extras() -> None:
+    """Each package that an extra names is imported by the name that the table has."""
+    project = tomllib.loads((PROJECT / "pyproject.toml").read_text())["project"]
+    extras = {name: texts for name, texts in project["optional-dependencies"].items() if name not in ("all", "test")}
+    brought: dict[str, set[str]] = {}
+    for extra, texts in extras.items():
+        for text in texts:
+            brought.setdefault(re.split(r"[\[>=<; ]", text)[0].lower().replace("_", "-"), set()).add(extra)
+    brought.pop("gs-surrogate")
+    distributions = {**packages_distributions(), "vtkmodules": ["vtk"]}
+    for package, extra in OF_PACKAGE.items():
+        for name in distributions.get(package, ()):
+            found = brought.pop(name.lower().replace("_", "-"), set())
+            assert extra in found or (extra == "" and len(found) != 1), package
+    assert brought.keys() <= {"gsplat", "ninja"}, "all others are installed where tests run"
+
+
+@pytest.mark.parametrize(
+    ("package", "extra", "wanted"),
+    [
+        ("torch", "surrogate", "X needs the package torch: pip install 'gs-surrogate[surrogate]'"),
+        ("torch.nn", "explore", "X needs the package torch: pip install 'gs-surrogate[explore]'"),
+        ("xarray", "insitu", "X needs the package xarray: pip install 'gs-surrogate[xarray]'"),
+        ("psutil", "insitu", "X needs the package psutil: pip install 'gs-surrogate[insitu]'"),
+        ("numpy", "", "X needs the package numpy: pip install 'gs-surrogate'"),
+        ("numcodecs", "insitu", "X needs the package numcodecs, which is not installed"),
+    ],
+)
+def test_the_extra_of_a_package_is_named(package: str, extra: str, wanted: str) -> None:
+    assert remedy(ModuleNotFoundError(name=package), "X", extra) == wanted
+
+
+def test_a_sentence_of_a_reader_is_kept_and_a_module_of_ours_is_a_bug() -> None:
+    assert remedy(ModuleNotFoundError("reading it takes xarray"), "X", "insitu") == "reading it takes xarray"
+    with pytest.raises(ModuleNotFoundError):
+        remedy(ModuleNotFoundError(name="catalogs.nowhere"), "X", "insitu")
+
+
+@pytest.mark.parametrize(
+    ("words", "package", "extra"),
+    [
+        ("surrogate train c.cdb", "torch", "surrogate"),
+        ("surrogate train scene.toml", "torch", "surrogate"),
+        ("surrogate evaluate run", "torch", "surrogate"),
+        ("surrogate show run", "torch", "surrogate"),
+        ("surrogate explore run", "torch", "explore"),
+        ("surrogate explore run", "aiohttp", "explore"),
+        ("surrogate export run -o a.png", "safetensors", "explore"),
+        ("surrogate sweep run --over p -o a.gif", "torch", "explore"),
+        ("insitu probe field.npy", "vtkmodules", "insitu"),
+        ("insitu ensemble m_{i}.npy --catalog b.cdb", "psutil", "insitu"),
+        ("insitu watch . --catalog b.cdb --pattern m_{i}.npy", "psutil", "insitu"),
+        ("insitu dataset scene.toml", "psutil", "insitu"),
+        ("catalogs check c.cdb", "numpy", ""),
+    ],
+)
+def test_a_command_names_the_extra_of_a_missing_package(tmp_path: Path, words: str, package: str, extra: str) -> None:
+    refused = without(tmp_path, package, words)
+    command = words.split()[1]
+    wanted = SENTENCE.format(command=command, package=package, extra=extra).replace(r"\[\]", "")
+    assert refused.returncode == 1, refused.stderr
+    assert re.search(wanted, refused.stderr.strip()), refused.stderr
+    assert refused.stdout == ""
+
+
+@pytest.mark.parametrize("words", ["insitu probe a.nc", "insitu ensemble a.nc --catalog b.cdb"])
+def test_files_of_an_extra_name_it_too(tmp_path: Path, words: str) -> None:
+    refused = without(tmp_path, "netCDF4", words, "xarray", "h5netcdf")
+    assert refused.returncode == 1
+    assert re.fullmatch(r"Error: reading .*: pip install 'gs-surrogate\[\w+\]'\n", refused.stderr), refused.stderr
+
+
+def without(folder: Path, package: str, words: str, *more: str) -> subprocess.CompletedProcess[str]:
+    """A command in `folder` where packages can't be imported."""
+    for name in ("field", "m_1", "m_2"):
+        np.save(folder / f"{name}.npy", np.zeros((4, 4, 4)))
+    (folder / "a.nc").write_bytes(b"CDF\x05" + bytes(28))
+    (folder / "c.cdb").mkdir()
+    (folder / "c.cdb" / "catalog.json").write_text(json.dumps({"schema": 1}))
+    (folder / "run" / "surrogate").mkdir(parents=True)
+    (folder / "scene.toml").write_text((PROJECT / "scenes" / "tiny.toml").read_text())
+    program, *arguments = words.split()
+    hidden = f"import sys; sys.modules.update(dict.fromkeys({[package, *more]!r}))"
+    text = f"{hidden}; from {program}.cli import main; main({arguments!r})"
+    environment = {**os.environ, "PYTHONPATH": str(PROJECT)}
+    return subprocess.run(
+        [sys.executable, "-c", text], cwd=folder, env=environment, capture_output=True, text=True, check=False
+    )
