@@ -5,7 +5,8 @@ reader crashes on edited headers and gives no merged grid; yt brings 121 MB, and
 numbered from 0.
 
 Cells are values at their centres.  A cell of a coarse level that no finer one covers is repeated; one that is covered holds what
-the code stored there, the mean of the finer ones.
+the code stored there, the mean of the finer ones.  Cells behind an embedded boundary are NaN.  The extremes of each box that is
+read must be those in its header: nothing else shows that numbers are damaged.
 """
 
 from __future__ import annotations
@@ -22,6 +23,8 @@ from insitu.readers.arrays import check_room
 from insitu.readers.reader import Reader, Sampling, StoredState, chosen_array
 
 SLAB = 1 << 26  # bytes of double precision that are merged at a time
+COVERED = 1e30  # the least number that stands for a cell without fluid
+SHARES = {"vfrac", "volfrac"}  # the component that says how much of a cell is not behind an embedded boundary
 SCALE_FACTOR = "comoving_a"  # Nyx's file of the cosmological scale factor
 
 
@@ -67,39 +70,94 @@ def _merge(
     plotfile: Plotfile, name: str, number: int, factors: tuple[int, int, int], values: NDArray[np.floating]
 ) -> None:
     """Fill `values` [nz, ny, nx] with means over `factors` cells (x, y, z) of a level, a slab of planes at a time."""
-    level, component = plotfile.levels[number], plotfile.names.index(name)
-    nx, ny, nz = level.counts
-    kx, ky, kz = factors
+    level, cells = plotfile.levels[number], Component(plotfile, plotfile.names.index(name))
+    shares = next((i for i, other in enumerate(plotfile.names) if other.lower() in SHARES and other != name), None)
+    shared = None if shares is None else Component(plotfile, shares)
+    (nx, ny, nz), kz = level.counts, factors[2]
     thickness = kz * max(1, SLAB // (8 * nx * ny * kz))
     for begin in range(0, nz, thickness):
         slab = np.empty((min(thickness, nz - begin), ny, nx), dtype=values.dtype)
-        for coarser in plotfile.levels[: number + 1]:  # the finest last, whose cells count
-            _paste(plotfile, coarser, level, component, begin, slab)
+        cells.fill(slab, level, number, begin)
+        covered = _covered(slab) if cells.largest >= COVERED else None
+        if shared is not None:
+            share = np.empty_like(slab)
+            shared.fill(share, level, number, begin)
+            covered = share == 0 if covered is None else covered | (share == 0)
+        covered = covered if covered is not None and covered.any() else None
+        if covered is not None:
+            slab[covered] = np.nan
         if factors != (1, 1, 1):
-            blocks = slab.reshape(len(slab) // kz, kz, ny // ky, ky, nx // kx, kx)
-            slab = blocks.mean(axis=(1, 3, 5), dtype=np.float64)
+            slab = _means(slab, covered, factors)
         values[begin // kz : begin // kz + len(slab)] = slab
+    cells.check()
+    if shared is not None:
+        shared.check()
 
 
-def _paste(
-    plotfile: Plotfile,
-    coarser: RefinementLevel,
-    level: RefinementLevel,
-    component: int,
-    begin: int,
-    slab: NDArray[np.floating],
-) -> None:
-    """Copy cells of a coarser level, or of the level itself, repeated, into a slab [z, y, x] of the level from plane `begin` on."""
-    ratio = np.array(level.counts) // coarser.counts  # [3] x, y, z
-    first = coarser.boxes[:, 0] - coarser.low  # [B, 3]
-    low, high = first * ratio, (coarser.boxes[:, 1] - coarser.low + 1) * ratio
-    within = (low[:, 2] < begin + len(slab)) & (high[:, 2] > begin)
-    for box in np.flatnonzero(within):
-        bottom, top = max(low[box, 2], begin), min(high[box, 2], begin + len(slab))
-        planes = np.arange(bottom, top) // ratio[2] - first[box, 2]  # of the box, one for each of the slab's
-        cells = plotfile.planes(coarser, int(box), component, int(planes[0]), int(planes[-1]) + 1)
-        repeated = cells[planes - planes[0]].repeat(ratio[1], axis=1).repeat(ratio[0], axis=2)
-        slab[bottom - begin : top - begin, low[box, 1] : high[box, 1], low[box, 0] : high[box, 0]] = repeated
+def _covered(slab: NDArray[np.floating]) -> NDArray[np.bool_]:
+    """The cells that hold a power of ten so large that codes write it where there is no fluid, such as 1e30."""
+    large = (np.abs(slab) >= COVERED) & np.isfinite(slab)
+    powers = np.unique(np.abs(slab[large]))
+    return large & np.isin(np.abs(slab), [value for value in powers if value == slab.dtype.type(f"{value:.0e}")])
+
+
+def _means(
+    slab: NDArray[np.floating], covered: NDArray[np.bool_] | None, factors: tuple[int, int, int]
+) -> NDArray[np.floating]:
+    """Means over blocks of `factors` cells (x, y, z), of those that are not covered; NaN where all are."""
+    kx, ky, kz = factors
+    nz, ny, nx = slab.shape
+    shape = (nz // kz, kz, ny // ky, ky, nx // kx, kx)
+    if covered is None:
+        return slab.reshape(shape).mean(axis=(1, 3, 5), dtype=np.float64)
+    total = np.where(covered, 0, slab).reshape(shape).sum(axis=(1, 3, 5), dtype=np.float64)
+    counts = (~covered).reshape(shape).sum(axis=(1, 3, 5))
+    return np.divide(total, counts, out=np.full(total.shape, np.nan), where=counts > 0)
+
+
+class Component:
+    """A component of a plotfile, slab by slab.  `largest` is the absolute value of what has been read."""
+
+    def __init__(self, plotfile: Plotfile, number: int) -> None:
+        self.plotfile, self.number, self.largest = plotfile, number, 0.0
+        self._seen: dict[tuple[int, int], tuple[np.floating, np.floating, bool]] = {}  # extremes by level and box
+
+    def fill(self, slab: NDArray[np.floating], level: RefinementLevel, number: int, begin: int) -> None:
+        """Copy the cells of level `number` and of those below it into a slab [z, y, x], planes from `begin` on."""
+        for coarser in range(number + 1):  # the finest last, whose cells count
+            self._paste(coarser, level, begin, slab)
+
+    def _paste(self, number: int, level: RefinementLevel, begin: int, slab: NDArray[np.floating]) -> None:
+        """Copy cells of a coarser level, or of the level itself, repeated."""
+        coarser = self.plotfile.levels[number]
+        ratio = np.array(level.counts) // coarser.counts  # [3] x, y, z
+        first = coarser.boxes[:, 0] - coarser.low  # [B, 3]
+        low, high = first * ratio, (coarser.boxes[:, 1] - coarser.low + 1) * ratio
+        within = (low[:, 2] < begin + len(slab)) & (high[:, 2] > begin)
+        for box in np.flatnonzero(within):
+            bottom, top = max(low[box, 2], begin), min(high[box, 2], begin + len(slab))
+            planes = np.arange(bottom, top) // ratio[2] - first[box, 2]  # of the box, one for each of the slab's
+            cells = self.plotfile.planes(coarser, int(box), self.number, int(planes[0]), int(planes[-1]) + 1)
+            self._note(number, int(box), cells)
+            if ratio.max() > 1:
+                cells = cells[planes - planes[0]].repeat(ratio[1], axis=1).repeat(ratio[0], axis=2)
+            slab[bottom - begin : top - begin, low[box, 1] : high[box, 1], low[box, 0] : high[box, 0]] = cells
+
+    def _note(self, number: int, box: int, cells: NDArray[np.floating]) -> None:
+        """Note the extremes of some planes of a box."""
+        least, most = cells.min(), cells.max()
+        if has_nan := bool(np.isnan(least)):
+            least, most = np.fmin.reduce(cells, axis=None), np.fmax.reduce(cells, axis=None)
+        if (number, box) in self._seen:
+            a, b, other = self._seen[number, box]
+            least, most, has_nan = np.fmin(a, least), np.fmax(b, most), has_nan or other
+        self._seen[number, box] = least, most, has_nan
+        self.largest = max(self.largest, abs(float(least)), abs(float(most)))
+
+    def check(self) -> None:
+        """Raise ValueError where a box that was read has other extremes than its header prints."""
+        for (number, box), (least, most, has_nan) in self._seen.items():
+            self.plotfile.levels[number].check_extremes(box, self.number, (least, most), has_nan)
 
 
 def _redshift(path: Path) -> float:

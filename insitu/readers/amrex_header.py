@@ -23,6 +23,8 @@ MOST_BLOCKS = 1 << 26  # into which the boxes of a level cut its domain, when th
 LINE = 1 << 12  # bytes
 BOX = r"\(\((-?\d+),(-?\d+),(-?\d+)\) \((-?\d+),(-?\d+),(-?\d+)\) \((\d+),(\d+),(\d+)\)\)"
 FAB = re.compile(r"FAB \(\((\d+), \(([\d ]+)\)\),\((\d+), \(([\d ]+)\)\)\)(" + BOX + r") (\d+)\n")
+EPSILON = float(np.finfo(np.float64).eps)
+PRINTED = 1e-5  # relative rounding of an extreme that a header prints, in writers of few digits
 IEEE = {"64 11 52 0 1 12 0 1023": 8, "32 8 23 0 1 9 0 127": 4}  # bytes of a number by its description
 
 
@@ -35,12 +37,35 @@ class RefinementLevel:
     low, counts : the first cell and the number of cells of its domain, (x, y, z).
     boxes : [boxes, 2, 3], the first and the last cell of each.
     places : the file of each box, and the byte at which its numbers begin: by component, in the order z, y, x.
+    extremes : lines of the minima and of the maxima of each box, a number for each component; none where they are left out.
     """
 
     low: tuple[int, int, int]
     counts: tuple[int, int, int]
     boxes: NDArray[np.int64]  # [B, 2, 3]
     places: tuple[tuple[Path, int], ...]
+    extremes: tuple[tuple[str, ...], tuple[str, ...]] | None
+
+    def check_extremes(self, box: int, component: int, found: tuple[np.floating, np.floating], has_nan: bool) -> None:
+        """Raise ValueError where the least and the largest of a box's numbers but NaN are not those that its header prints."""
+        kind, what = found[0].dtype.type, f"{self.places[box][0].parent.name}/Cell_H: box {box}"
+        if self.extremes is None:
+            return
+        try:
+            least, most = (float(lines[box].split(",")[component]) for lines in self.extremes)
+        except ValueError:
+            raise ValueError(f"{what} must have numbers as its minima and maxima") from None
+        limits = np.finfo(kind)
+        with np.errstate(over="ignore", invalid="ignore"):
+            said = np.array([least, most]).astype(kind)
+            same = np.isclose(said, found, PRINTED, float(limits.tiny))
+        if has_nan:  # which a code's comparisons may pass over, or not
+            same |= np.isnan(said) | (np.isnan(found) & (np.abs(said) >= limits.max))
+        if not same.all():
+            raise ValueError(
+                f"{what} lies from {least:g} to {most:g}, its numbers from {found[0]:g} to {found[1]:g}: they are damaged, or in "
+                "another order of bytes"
+            )
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,7 +143,8 @@ def read_summary(path: Path) -> Summary:
     for level in range(finest + 1):
         steps = _reals(next(lines, ""), f"Header: the cell size of level {level}", 3)
         stated = [(b - a) / n for a, b, n in zip(low, high, domains[level][1], strict=True)]
-        if not np.allclose(steps, stated, rtol=1e-6):
+        rounding = 8 * EPSILON * max(map(abs, (*low, *high)))  # of the corners, far from zero more than a cell's
+        if not np.allclose(steps, stated, rtol=1e-6, atol=rounding):
             raise ValueError(
                 f"Header: cells of level {level} are {steps} wide, but the domain's extent and counts say {stated}"
             )
@@ -147,11 +173,11 @@ def read_plotfile(path: Path) -> Plotfile:
                 f"Header: 'Level_{number}/Cell' must follow the boxes of level {number}, got {name[:40]!r}"
             )
         low, counts = summary.domains[number]
-        boxes, places = _boxes(path, number, count, len(summary.names))
+        boxes, places, extremes = _boxes(path, number, count, len(summary.names))
         _check_inside(boxes, low, counts, number)
         found, begins = _numbers(path, number, boxes, places, len(summary.names))
         kinds |= found
-        levels.append(RefinementLevel(low, counts, boxes, begins))
+        levels.append(RefinementLevel(low, counts, boxes, begins, extremes))
     _check_full(levels[0])
     if len(kinds) > 1:
         raise ValueError(f"its boxes hold numbers of several kinds, {sorted(str(kind) for kind in kinds)}")
@@ -183,8 +209,10 @@ def _domains(
     return tuple(domains)
 
 
-def _boxes(path: Path, number: int, count: int, components: int) -> tuple[NDArray[np.int64], list[tuple[str, int]]]:
-    """The boxes [B, 2, 3] of a level, and the file and the byte at which each begins."""
+def _boxes(
+    path: Path, number: int, count: int, components: int
+) -> tuple[NDArray[np.int64], list[tuple[str, int]], tuple[tuple[str, ...], tuple[str, ...]] | None]:
+    """The boxes [B, 2, 3] of a level, the file and the byte at which each begins, and the lines of minima and maxima."""
     what = f"Level_{number}/Cell_H"
     lines = _lines(path / f"Level_{number}" / "Cell_H")
     _whole(next(lines, ""), f"{what}: its version", 1, 1)
@@ -211,7 +239,23 @@ def _boxes(path: Path, number: int, count: int, components: int) -> tuple[NDArra
         if place is None:
             raise ValueError(f"{what}: where box {i} lies must follow, as 'FabOnDisk: Cell_D_00000 0'")
         places.append((place[1], int(place[2])))
-    return boxes, places
+    return boxes, places, _extremes(lines, what, count, components)
+
+
+def _extremes(
+    lines: Iterator[str], what: str, count: int, components: int
+) -> tuple[tuple[str, ...], tuple[str, ...]] | None:
+    """The lines of minima and of maxima, a box each, at the end of a header; None where it ends before them."""
+    found: list[tuple[str, ...]] = []
+    for name in ("minima", "maxima"):
+        blank, head = next(lines, "").strip(), next(lines, "").strip()
+        if not found and not blank and not head:
+            return None
+        rows = tuple(next(lines, "").strip() for _ in range(count))
+        if blank or head != f"{count},{components}" or any(row.count(",") != components for row in rows):
+            raise ValueError(f"{what}: the {name} of {count} boxes and {components} components must follow")
+        found.append(rows)
+    return found[0], found[1]
 
 
 def _check_inside(boxes: NDArray[np.int64], low: Sequence[int], counts: Sequence[int], number: int) -> None:
