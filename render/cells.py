@@ -25,14 +25,57 @@ FLAT = 1e-9  # of the largest: a smaller squared extent of a cell's neighbourhoo
 
 
 def blocks(data: Any) -> Iterator[Any]:
-    """The data sets with cells that a vtkCompositeDataSet holds, at any depth."""
+    """The data sets with cells that a vtkCompositeDataSet holds, at any depth; of volumes and surfaces only the volumes."""
+    if data.IsA("vtkOverlappingAMR"):
+        data = _refined(data)
+    held = [found for block in _leaves(data) if (found := plain(block)) is not None and found.GetNumberOfCells()]
+    yield from [block for block in held if block.GetMaxSpatialDimension() == 3] or held
+
+
+def _leaves(data: Any) -> Iterator[Any]:
     iterator = data.NewIterator()
     iterator.InitTraversal()
     while not iterator.IsDoneWithTraversal():
-        block = iterator.GetCurrentDataObject()
-        if block.IsA("vtkDataSet") and block.GetNumberOfCells():
-            yield block
+        yield iterator.GetCurrentDataObject()
         iterator.GoToNextItem()
+
+
+def _refined(data: Any) -> Any:
+    """A vtkOverlappingAMR whose coarse cells are marked where finer ones cover them."""
+    from vtkmodules.vtkCommonDataModel import vtkAMRUtilities
+
+    marked = data.NewInstance()
+    marked.ShallowCopy(data)
+    vtkAMRUtilities.BlankCells(marked)
+    return marked
+
+
+def plain(data: Any) -> Any:
+    """Data as a vtkDataSet whose cells VTK's filters handle; None where they are of no such kind.
+
+    Filters for unstructured grids write beyond their memory where an explicit structured grid has hidden cells.
+    """
+    if data.IsA("vtkHyperTreeGrid"):
+        from vtkmodules.vtkFiltersHyperTree import vtkHyperTreeGridToUnstructuredGrid
+
+        return _converted(vtkHyperTreeGridToUnstructuredGrid(), data)
+    if data.IsA("vtkExplicitStructuredGrid"):
+        from vtkmodules.vtkFiltersCore import vtkExplicitStructuredGridToUnstructuredGrid
+
+        return _converted(vtkExplicitStructuredGridToUnstructuredGrid(), data)
+    return data if data.IsA("vtkDataSet") else None
+
+
+def _converted(filter_: Any, data: Any) -> Any:
+    """The output of a filter, with the cell arrays of its input alone."""
+    filter_.SetInputData(data)
+    filter_.Update()
+    found = filter_.GetOutput()
+    held = found.GetCellData()
+    for name in [held.GetArrayName(i) for i in range(held.GetNumberOfArrays())]:
+        if not data.GetCellData().HasArray(name):
+            held.RemoveArray(name)
+    return found
 
 
 def ghosts(attributes: Any, flags: int) -> NDArray[np.bool_] | None:
@@ -44,25 +87,67 @@ def ghosts(attributes: Any, flags: int) -> NDArray[np.bool_] | None:
     return found if found is not None and found.any() else None
 
 
+def absent_cells(data: Any, flags: int) -> NDArray[np.bool_] | None:
+    """Which cells of a vtkDataSet carry any of the flags, or have a hidden corner; None where none does."""
+    absent, points = ghosts(data.GetCellData(), flags), ghosts(data.GetPointData(), HIDDEN_POINTS)
+    if points is None:
+        return absent
+    corners, offsets = _connectivity(_appended([data]))
+    lengths = np.diff(offsets)  # [C], 0 where VTK hides the cell itself
+    owners = np.repeat(np.arange(len(lengths)), lengths)
+    hidden: NDArray[np.bool_] = (lengths == 0) | (np.bincount(owners[points[corners]], minlength=len(lengths)) > 0)
+    return hidden if absent is None else hidden | absent
+
+
 def joined(data: list[Any]) -> Any:
-    """One vtkUnstructuredGrid of the cells of all data sets without ghosts, points of several blocks not merged."""
+    """One vtkUnstructuredGrid of the volume cells of all data sets without ghosts, points of several blocks not merged."""
+    return _appended([_present(block) for block in data])
+
+
+def _appended(data: list[Any]) -> Any:
+    """One vtkUnstructuredGrid of all cells, in their order."""
     from vtkmodules.vtkFiltersCore import vtkAppendFilter
 
     append = vtkAppendFilter()
     for block in data:
-        append.AddInputDataObject(_on_points(block) if block.IsA("vtkImageData") else block)
+        append.AddInputDataObject(_on_points(block))
     append.Update()
-    mesh = append.GetOutput()
-    absent = ghosts(mesh.GetCellData(), NO_CELLS)
-    return mesh if absent is None else _extracted(mesh, ~absent)
+    return append.GetOutput()
 
 
-def _on_points(image: Any) -> Any:
-    """A vtkImageData as a vtkStructuredGrid: appending would forget how it is turned in space."""
-    from vtkmodules.vtkFiltersGeneral import vtkImageDataToPointSet
+def _present(data: Any) -> Any:
+    """The volume cells of a data set but ghosts and hidden ones; the data set itself where it has no others."""
+    absent = absent_cells(data, NO_CELLS)
+    if data.IsA("vtkUnstructuredGrid"):
+        flat = _flat(data)
+        absent = flat if absent is None else flat | absent
+    return data if absent is None or not absent.any() else _extracted(_appended([data]), ~absent)
 
-    converted = vtkImageDataToPointSet()
-    converted.SetInputData(image)
+
+def _flat(mesh: Any) -> NDArray[np.bool_]:
+    """Which cells [C] of a vtkUnstructuredGrid are faces, edges or vertices."""
+    from vtkmodules.util.numpy_support import vtk_to_numpy
+    from vtkmodules.vtkCommonCore import vtkIdTypeArray
+    from vtkmodules.vtkCommonDataModel import vtkGenericCell
+
+    cell, numbers = vtkGenericCell(), vtkIdTypeArray()
+    flat = np.zeros(mesh.GetNumberOfCells(), dtype=bool)
+    for kind in vtk_to_numpy(mesh.GetDistinctCellTypesArray()):
+        cell.SetCellType(int(kind))
+        if cell.GetCellDimension() < 3:
+            mesh.GetIdsOfCellsOfType(int(kind), numbers)
+            flat[vtk_to_numpy(numbers)] = True
+    return flat
+
+
+def _on_points(data: Any) -> Any:
+    """Image data and rectilinear grids as a vtkStructuredGrid: appending would forget how they are turned, and round points."""
+    from vtkmodules.vtkFiltersGeneral import vtkImageDataToPointSet, vtkRectilinearGridToPointSet
+
+    if not data.IsA("vtkImageData") and not data.IsA("vtkRectilinearGrid"):
+        return data
+    converted = vtkImageDataToPointSet() if data.IsA("vtkImageData") else vtkRectilinearGridToPointSet()
+    converted.SetInputData(data)
     converted.Update()
     return converted.GetOutput()
 
@@ -83,6 +168,29 @@ def _extracted(mesh: Any, kept: NDArray[np.bool_]) -> Any:
     threshold.SetThresholdFunction(vtkThreshold.THRESHOLD_UPPER)
     threshold.Update()
     return threshold.GetOutput()
+
+
+def edges_along_axes(mesh: Any, share: float) -> NDArray[np.float64]:
+    """The extent [3] along x, y and z of the thinnest cells of a vtkUnstructuredGrid but a `share`, means over a point's cells.
+
+    Means, because unstructured meshes have single slivers, which say nothing of the field.
+    """
+    from vtkmodules.util.numpy_support import vtk_to_numpy
+
+    corners, offsets = _connectivity(mesh)  # [K], [C + 1]
+    lengths = np.diff(offsets)
+    points = vtk_to_numpy(mesh.GetPoints().GetData())  # [P, 3]
+    count = np.bincount(corners, minlength=len(points))  # cells at each point
+    found = np.empty(3)
+    for axis in range(3):
+        at = points[corners, axis].astype(np.float64)
+        extents = np.maximum.reduceat(at, offsets[:-1]) - np.minimum.reduceat(at, offsets[:-1])  # [C]
+        around = np.bincount(corners, np.repeat(extents, lengths), len(points))[count > 0] / count[count > 0]
+        around = around[around > 0]
+        found[axis] = (
+            np.partition(around, int(share * len(around)))[int(share * len(around))] if len(around) else np.inf
+        )
+    return found
 
 
 def lattice(mesh: Any, values: NDArray[Any]) -> tuple[NDArray[Any], list[NDArray[np.float64]]] | None:

@@ -14,11 +14,23 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from render.arrays import plain_array
-from render.cells import HIDDEN_CELLS, HIDDEN_POINTS, blocks, ghosts, joined, lattice, reconstructed
+from render.cells import (
+    HIDDEN_CELLS,
+    HIDDEN_POINTS,
+    absent_cells,
+    blocks,
+    edges_along_axes,
+    ghosts,
+    joined,
+    lattice,
+    plain,
+    reconstructed,
+)
 from render.grids import Grid, checked_grid
 from render.xarray_fields import axis_order, chosen, is_labelled, is_labelled_set, placed
 
 MOST_SAMPLES = 256  # per axis, when data are resampled
+THIN = 0.75  # of a cube of a cell's mean volume: cells that are thinner along an axis have samples of their own there
 UNIFORM = 1e-5  # relative deviation below which rectilinear coordinates count as evenly spaced
 
 
@@ -46,7 +58,8 @@ def to_grid(
         axes, at the place that its coordinates say; unevenly spaced ones are resampled.
     spacing, origin : distance between samples and place of the first, world units (x, y, z), of arrays (default: 1 and 0).  Data
         sets and coordinates have their own.
-    array : name of the point or cell array of a data set; may be left out where there is only one.
+    array : name of the point or cell array of a data set; may be left out where there is only one.  Where points and cells have
+        it, the cells' counts; "point:NAME" and "cell:NAME" choose.
     dims : what the axes of an array are, in its own order: ("x", "y", "z") for values [x, y, z].  By default as they are
         called, or (z, y, x).
     nan : "refuse" raises ValueError where a value is NaN or infinite; "transparent" makes every grid cell
@@ -102,39 +115,60 @@ def _grid_of_data_set(data: Any, array: str | None, nan: str) -> Grid:
 
     Raises TypeError for data sets without volume cells, ValueError for arrays that cannot be chosen or used.
     """
+    kind, held = data.GetClassName(), None
     if data.IsA("vtkCompositeDataSet"):
-        return _of_blocks(data, array, nan)
-    if not data.IsA("vtkDataSet"):
-        raise TypeError(f"a {data.GetClassName()} holds no field on cells or points")
-    if data.GetNumberOfCells() == 0:
-        raise ValueError(f"the {data.GetClassName()} is empty: it has {data.GetNumberOfPoints()} points and no cells")
-    name, on_cells = _chosen_array(data, array)
-    hidden = ghosts(data.GetCellData(), HIDDEN_CELLS)
-    if data.IsA("vtkImageData") and _aligned(data) and (on_cells or hidden is None):
-        return _from_image(data, name, on_cells, nan)
-    if data.IsA("vtkRectilinearGrid") and hidden is None:
-        return _from_rectilinear(data, name, on_cells, nan)
-    return _of_mesh([data], data.GetClassName(), name, on_cells, nan)
-
-
-def _of_blocks(data: Any, array: str | None, nan: str) -> Grid:
-    """A grid of those blocks that have the array."""
-    held = list(blocks(data))
-    if not held:
-        raise ValueError(f"the {data.GetClassName()} is empty: none of its blocks has cells")
-    names = {(name, on_cells) for block in held for name, on_cells in _arrays(block) if array in (None, name)}
-    if len(names) != 1:
-        every = [
-            sorted({name for block in held for name, on in _arrays(block) if on is which}) for which in (False, True)
-        ]
-        problem = "name the array to render" if array is None else f"no array {array!r}, or both on points and on cells"
-        raise ValueError(f"{problem}: the blocks of the {data.GetClassName()} have {_listed(*every)}")
-    ((name, on_cells),) = names
+        held = list(blocks(data))
+        if not held:
+            raise ValueError(f"the {kind} is empty: none of its blocks has cells")
+    elif (data := plain(data)) is None:
+        raise TypeError(f"a {kind} holds no field on cells or points")
+    elif data.GetNumberOfCells() == 0:
+        raise ValueError(f"the {kind} is empty: it has {data.GetNumberOfPoints()} points and no cells")
+    name, on_cells = chosen_array(
+        held or [data], array, f"the blocks of the {kind} have" if held else f"the {kind} has"
+    )
+    if held is None:
+        return _of_one(data, kind, name, on_cells, nan)
     chosen_blocks = [block for block in held if (name, on_cells) in _arrays(block)]
     if len(chosen_blocks) == 1:
-        return _grid_of_data_set(chosen_blocks[0], name, nan)
-    _chosen_array(chosen_blocks[0], name)
-    return _of_mesh(chosen_blocks, f"{data.GetClassName()} of {len(chosen_blocks)} blocks", name, on_cells, nan)
+        return _of_one(chosen_blocks[0], chosen_blocks[0].GetClassName(), name, on_cells, nan)
+    return _of_mesh(chosen_blocks, f"{kind} of {len(chosen_blocks)} blocks", name, on_cells, nan)
+
+
+def _of_one(data: Any, kind: str, name: str, on_cells: bool, nan: str) -> Grid:
+    if data.IsA("vtkImageData") and _aligned(data):
+        if on_cells or ghosts(data.GetCellData(), HIDDEN_CELLS) is None:
+            return _from_image(data, name, on_cells, nan)
+    elif data.IsA("vtkRectilinearGrid") and absent_cells(data, HIDDEN_CELLS) is None:
+        return _from_rectilinear(data, name, on_cells, nan)
+    return _of_mesh([data], kind, name, on_cells, nan)
+
+
+def chosen_array(data: Sequence[Any], array: str | None, who: str) -> tuple[str, bool]:
+    """(name, is it cell data) of the array to render in vtkDataSets: the one asked for, or the only one there is.
+
+    Where points and cells have one of this name, that of the cells counts, which codes compute; "cell:NAME" and "point:NAME"
+    choose.  Raises ValueError, its sentence going on from `who`, such as "the file has".
+    """
+    every = dict.fromkeys(found for one in data for found in _arrays(one))
+    found = {name for name, _ in every if array in (None, name)}
+    kind, _, name = (array or "").partition(":")
+    if not found and kind in ("cell", "point") and (name, kind == "cell") in every:
+        on_cells = kind == "cell"
+    elif len(found) == 1:
+        name = found.pop()
+        on_cells = (name, True) in every
+    else:
+        listed = [sorted(name for name, on in every if on is which) for which in (False, True)]
+        problem = "name the array to render" if array is None else f"no array {array!r}"
+        raise ValueError(f"{problem}: {who} {_listed(*listed)}")
+    first = next(one for one in data if (name, on_cells) in _arrays(one))
+    components = (first.GetCellData() if on_cells else first.GetPointData()).GetArray(name).GetNumberOfComponents()
+    if components != 1:
+        raise ValueError(
+            f"array {name!r} has {components} components per sample: pass a scalar, such as the vector's magnitude"
+        )
+    return name, on_cells
 
 
 def _arrays(data: Any) -> list[tuple[str, bool]]:
@@ -143,29 +177,8 @@ def _arrays(data: Any) -> list[tuple[str, bool]]:
     return [*((name, False) for name in on_points), *((name, True) for name in on_cells)]
 
 
-def _chosen_array(data: Any, array: str | None) -> tuple[str, bool]:
-    """(name, is it cell data) of the array to render: the one asked for, or the only one there is."""
-    on_points, on_cells = _scalar_names(data.GetPointData()), _scalar_names(data.GetCellData())
-    if array is not None:
-        if array in on_points and array in on_cells:
-            raise ValueError(f"both points and cells have an array {array!r}: remove or rename one of them")
-        if array not in on_points + on_cells:
-            raise ValueError(f"no array {array!r} in the {data.GetClassName()}: it has {_listed(on_points, on_cells)}")
-    elif len(on_points + on_cells) != 1:
-        raise ValueError(f"name the array to render: the {data.GetClassName()} has {_listed(on_points, on_cells)}")
-    else:
-        array = (on_points + on_cells)[0]
-    held = (data.GetPointData() if array in on_points else data.GetCellData()).GetArray(array)
-    if held.GetNumberOfComponents() != 1:
-        raise ValueError(
-            f"array {array!r} has {held.GetNumberOfComponents()} components per sample: pass a scalar, "
-            "such as the vector's magnitude"
-        )
-    return array, array in on_cells
-
-
 def _from_image(data: Any, name: str, on_cells: bool, nan: str) -> Grid:
-    absent = ghosts(data.GetCellData(), HIDDEN_CELLS) if on_cells else ghosts(data.GetPointData(), HIDDEN_POINTS)
+    absent = absent_cells(data, HIDDEN_CELLS) if on_cells else ghosts(data.GetPointData(), HIDDEN_POINTS)
     points = np.array(data.GetDimensions())  # x, y, z
     spacing = np.array(data.GetSpacing())
     origin = np.array(data.GetOrigin()) + spacing * np.array(data.GetExtent())[::2]
@@ -237,7 +250,8 @@ def _probed(mesh: Any, kind: str, name: str, of_cells: NDArray[Any] | None, nan:
     bounds = np.array(mesh.GetBounds()).reshape(3, 2)  # [3, 2]
     extent = bounds[:, 1] - bounds[:, 0]  # [3]
     typical = float((extent.prod() / mesh.GetNumberOfCells()) ** (1 / 3))  # edge of a cell of mean size
-    counts = [_samples_along(length, typical) for length in extent]
+    edges = [edge if edge < THIN * typical else typical for edge in edges_along_axes(mesh, 1 / MOST_SAMPLES)]
+    counts = [_samples_along(length, edge) for length, edge in zip(extent, edges, strict=True)]
     sampled, method = name, "interpolated linearly in each cell"
     if of_cells is not None:
         sampled, method = "vtkCell", "linear in each cell around its centre"
@@ -261,7 +275,7 @@ def _probed(mesh: Any, kind: str, name: str, of_cells: NDArray[Any] | None, nan:
     note = (
         f"the {kind} of {mesh.GetNumberOfCells()} cells is not a regular grid: array {name!r} was "
         f"resampled to {nx} x {ny} x {nz} samples ({method}); {outside.mean():.1%} of them lie outside its cells "
-        "and are transparent" + _coarser([typical] * 3, list(np.array(image.GetSpacing())))
+        "and are transparent" + _coarser(edges, list(np.array(image.GetSpacing())))
     )
     return checked_grid(values, image.GetSpacing(), image.GetOrigin(), nan, outside=outside, notes=(note,))
 

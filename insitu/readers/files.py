@@ -23,7 +23,8 @@ from insitu.readers.folders import is_folder_file
 from insitu.readers.gzip_files import unpacked
 from insitu.readers.placement import placed_field
 from insitu.readers.reader import Reader, Sampling
-from render.datasets import to_grid
+from render.cells import plain
+from render.datasets import chosen_array, to_grid
 from render.xarray_fields import SAME, axis_order
 
 if TYPE_CHECKING:
@@ -65,7 +66,7 @@ def read_data(
     Parameters
     ----------
     location : `spacing` and `origin` for files that do not say: .npy files, and arrays without coordinates; `dims` of arrays.
-    array : one of several; may be left out where there is only one.
+    array : one of several; may be left out where there is only one.  Of VTK's files as in `to_grid`.
     reader : the name of the code that wrote the file (see `insitu.readers.codes`); "" where that can be seen, or none did.
     index : of the state, in a code's file that holds several, as `Reader.records` gives it.
     sampling : how a code's data come onto a regular grid.
@@ -220,13 +221,13 @@ def _vtk(path: Path, array: str | None) -> Any:
 
 def _keep_only(array: str, blocks: Sequence[Any]) -> None:
     """Remove the other arrays of data sets; raises ValueError listing them where there is no such array."""
-    held = sorted({name for block in blocks for name in [*block.point_data.keys(), *block.cell_data.keys()]})
-    if array not in held:
-        raise ValueError(f"no array {array!r}: it has {held or 'none'}")
-    for data in [part for block in blocks for part in (block.point_data, block.cell_data)]:
-        for name in data.keys():  # noqa: SIM118 - they change on the way
-            if name != array and not name.startswith("vtk"):
-                del data[name]
+    held = [found for block in blocks if (found := plain(block)) is not None]
+    wanted = chosen_array(held, array, "it has")
+    for block in blocks:
+        for on_cells, data in ((False, block.point_data), (True, block.cell_data)):
+            for name in data.keys():  # noqa: SIM118 - they change on the way
+                if (name, on_cells) != wanted and not name.startswith("vtk"):
+                    del data[name]
 
 
 def _check_claims(path: Path) -> None:

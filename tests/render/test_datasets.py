@@ -142,7 +142,7 @@ def no_array() -> pyvista.ImageData:
     ("make", "options", "error", "message"),
     [
         (two_arrays, {}, ValueError, "name the array to render: the vtkImageData has point arrays ['f', 'velocity']"),
-        (two_arrays, {"array": "h"}, ValueError, "no array 'h' in the vtkImageData: it has point arrays"),
+        (two_arrays, {"array": "h"}, ValueError, "no array 'h': the vtkImageData has point arrays"),
         (two_arrays, {"array": "velocity"}, ValueError, "'velocity' has 3 components per sample"),
         (no_array, {}, ValueError, "no named numeric array"),
         (image, {"spacing": 1.0}, ValueError, "vtkImageData has its own spacing"),
@@ -163,6 +163,21 @@ def test_nan_in_a_data_set_is_refused_but_outside_is_not_nan() -> None:
     data.point_data["f"][7] = np.nan
     with pytest.raises(ValueError, match="1 of 120 values are NaN"):
         to_grid(data)
+
+
+@pytest.mark.parametrize("kind", ["image", "mesh", "blocks"])
+@pytest.mark.parametrize(("array", "on_cells"), [(None, True), ("p", True), ("cell:p", True), ("point:p", False)])
+def test_of_one_name_on_cells_and_points_the_cells_count(kind: str, array: str | None, on_cells: bool) -> None:
+    data = pyvista.ImageData(dimensions=(5, 4, 3))
+    data.cell_data["p"] = np.arange(24.0)
+    data.point_data["p"] = linear(data.points)
+    made = {"image": data, "mesh": data.cast_to_unstructured_grid(), "blocks": pyvista.MultiBlock([data, None])}[kind]
+    grid = to_grid(made, array=array, warn=False)
+    if on_cells:
+        np.testing.assert_array_equal(grid.values.ravel(), np.arange(24))
+    else:
+        assert grid.shape == (3, 4, 5)
+        np.testing.assert_allclose(grid.values, linear(sample_positions(grid)), atol=1e-6)
 
 
 def test_notes_say_what_a_warning_would() -> None:
