@@ -6,78 +6,120 @@ import math
 import sys
 import warnings
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any
 
 from numpy.typing import NDArray
 
+from catalogs.vocabulary import numbers
+from catalogs.vocabulary.appearance import shown_fields
 from catalogs.vocabulary.scene import Scene
+from insitu.fields.share import ghost_layers
 from insitu.hook.session import Session
 from insitu.members.planning import PlanOptions
+from insitu.mpi.ranks import SINGLE, RankGroup, all_or_none, ranks_of
 
 DONE, FAILED, UNKNOWN = 0, 1, -1
 LARGEST = 1 << 40  # samples: more is a mistake in a shape
 
 
 class LibraryCalls:
-    """The state between the calls of one simulation: its session, and what it has said of the next member."""
+    """The state between the calls of one simulation: its session, and what it has said of the next member.
+
+    A call that fails changes nothing.  On ranks it may fail on one alone: the next render then fails on all, unless the same
+    function was called again and succeeded.
+    """
 
     def __init__(self) -> None:
         self.error = ""
-        self._session: Session | None = None
+        self._begin_anew(None, SINGLE)
+
+    def _begin_anew(self, session: Session | None, ranks: RankGroup) -> None:
+        self._session, self._ranks = session, ranks
         self._parameters: dict[str, float] = {}
         self._fields: dict[str, NDArray[Any]] = {}
         self._place: dict[str, Any] = {}
+        self._refused: dict[str, Exception] = {}  # by function, on ranks
 
     def initialize(self, scene: str, catalog: str, comm: Any = None) -> int:
         """Begin; `comm` is a communicator of mpi4py."""
 
         def begin() -> int:
-            if self._session is not None:
-                raise ValueError("insitu_initialize was called twice: call insitu_finalize before")
-            loaded = Scene.load(scene)
-            options = vars(PlanOptions.of_scene(loaded, loaded.space))
-            self._session = Session(catalog, comm=comm, existing="skip", warn=_warn, **options)
+            ranks = ranks_of(comm)
+
+            def load() -> Scene:
+                if self._session is not None:
+                    raise ValueError("insitu_initialize was called twice: call insitu_finalize before")
+                for what, path in (("scene", scene), ("catalog", catalog)):
+                    if not path:
+                        raise ValueError(f"{what} must be a path, got NULL or an empty text")
+                return Scene.load(scene)
+
+            loaded = all_or_none(ranks, load)
+            options = all_or_none(ranks, lambda: vars(PlanOptions.of_scene(loaded, loaded.space)))
+            session = Session(catalog, comm=comm, existing="skip", warn=_warn, **options)
+            self._begin_anew(session, ranks)
+            self._space, self._shown = loaded.space, shown_fields(loaded.appearances)
             return DONE
 
         return self._try(begin, FAILED)
 
     def set_parameter(self, name: str, value: float) -> int:
         """See insitu.h."""
-        self._parameters[name], self.error = value, ""
-        return DONE
+
+        def take() -> None:
+            others = {parameter.name: parameter.low for parameter in self._space.parameters}
+            self._space.values({**others, name: value}, outside="allow")
+            self._parameters[name] = value
+
+        return self._set("insitu_set_parameter", take)
 
     def set_grid(self, spacing: Sequence[float], origin: Sequence[float]) -> int:
         """See insitu.h."""
-        self._place |= {"spacing": tuple(spacing), "origin": tuple(origin)}
-        self.error = ""
-        return DONE
+
+        def take() -> None:
+            steps = tuple(numbers.positive(step, "spacing") for step in spacing)
+            self._place |= {"spacing": steps, "origin": numbers.row(origin, 3, "origin")}
+
+        return self._set("insitu_set_grid", take)
 
     def set_ghosts(self, layers: Sequence[int]) -> int:
         """See insitu.h."""
-        self._place["ghosts"], self.error = tuple(layers), ""
-        return DONE
+
+        def take() -> None:
+            ghost_layers(tuple(layers))
+            if any(layers) and self._ranks is SINGLE:
+                raise ValueError(
+                    f"layers {tuple(layers)} are of a rank's block, but the session has one process: begin it by "
+                    "insitu_initialize_mpi, or leave them out of the field (insitu_copy_field)"
+                )
+            self._place["ghosts"] = tuple(layers)
+
+        return self._set("insitu_set_ghosts", take)
 
     def set_field(self, name: str, shape: Sequence[int], values: Callable[[int], NDArray[Any]]) -> int:
         """`values` makes the flat array of that many numbers; `shape` is of (x, y, z)."""
 
-        def take() -> int:
-            count = math.prod(shape)
-            if min(shape) < 1 or count > LARGEST:
-                raise ValueError(f"field {name!r}: shape must be three positive numbers (x, y, z), got {tuple(shape)}")
-            self._fields[name] = values(count).reshape(tuple(shape)[::-1])
-            return DONE
+        def take() -> None:
+            self._check_field(name, tuple(shape))
+            self._fields[name] = values(math.prod(shape)).reshape(tuple(shape)[::-1])
 
-        return self._try(take, FAILED)
+        return self._set("insitu_set_field", take)
 
     def render(self, time: float) -> int:
         """See insitu.h."""
 
         def draw() -> int:
+            session = self._known()
             fields: Any = self._fields if self._fields.keys() - {""} else self._fields.get("")
+            refused = next(iter(self._refused.values()), None)
+            if fields is None and self._ranks is SINGLE:
+                refused = TypeError("the member has no field: call insitu_set_field before insitu_render")
             try:
-                self._known().render_member(fields, dict(self._parameters), time=_time(time), **self._place)
+                given = fields if refused is None else partial(_fail, refused)
+                session.render_member(given, dict(self._parameters), time=_time(time), **self._place)
             finally:
-                self._fields = {}
+                self._fields, self._refused = {}, {}
             return DONE
 
         return self._try(draw, FAILED)
@@ -90,24 +132,67 @@ class LibraryCalls:
         """See insitu.h."""
 
         def end() -> int:
-            session, self._session = self._known(), None
+            session = self._known()
+            self._begin_anew(None, SINGLE)
             session.close()
             return DONE
 
         return self._try(end, FAILED)
+
+    def refuse(self, error: BaseException, failed: int = FAILED) -> int:
+        """Keep the text of an error; returns the status `failed`."""
+        self.error = f"{type(error).__name__}: {error}"
+        return failed
+
+    def _check_field(self, name: str, shape: tuple[int, ...]) -> None:
+        least = 2 if self._ranks is SINGLE else 1
+        if min(shape) < 1 or math.prod(shape) > LARGEST:
+            raise ValueError(f"field {name!r}: shape must be three positive numbers (x, y, z), got {shape}")
+        if min(shape) < least:
+            raise ValueError(f"field {name!r}: shape must be at least 2 samples along x, y and z, got {shape}")
+        named = self._shown not in ((), ("",))
+        if named and name not in self._shown:
+            raise ValueError(f"field {name!r} is shown by no appearance of the scene: they show {list(self._shown)}")
+        for other, values in self._fields.items():
+            if other != name and not named:
+                raise ValueError(
+                    f"field {name!r} is the member's second, after {other!r}, but no appearance names the field that it shows: "
+                    'set one alone, or give every [[appearance]] its field = "..."'
+                )
+            if other != name and values.shape[::-1] != shape:
+                raise ValueError(
+                    f"field {name!r} has the shape {shape}, but {other!r} {values.shape[::-1]}: the fields of a member share one"
+                )
 
     def _known(self) -> Session:
         if self._session is None:
             raise ValueError("insitu_initialize must be called, and succeed, before")
         return self._session
 
+    def _set(self, function: str, take: Callable[[], None]) -> int:
+        def work() -> int:
+            self._known()
+            try:
+                take()
+            except Exception as error:
+                if self._ranks is not SINGLE:
+                    self._refused[function] = error
+                raise
+            self._refused.pop(function, None)
+            return DONE
+
+        return self._try(work, FAILED)
+
     def _try(self, work: Callable[[], int], failed: int) -> int:
         try:
             result, self.error = work(), ""
         except Exception as error:
-            self.error = f"{type(error).__name__}: {error}"
-            return failed
+            return self.refuse(error, failed)
         return result
+
+
+def _fail(error: Exception) -> None:
+    raise error
 
 
 def _time(time: float) -> float | None:

@@ -1,7 +1,8 @@
 /* Render the members of an ensemble from a simulation in C or C++; see docs/embedding.md.
 
-   Every function returns 0, or 1 where it failed, and insitu_error() says why.  With MPI all ranks call all of them, in the same
-   order, and fail together. */
+   Every function returns 0, or 1 where it failed, and insitu_error() says why.  A call that failed changes nothing.  With MPI all
+   ranks call all of them, in the same order; insitu_initialize_mpi, insitu_render and insitu_has fail on all ranks together.  Calls
+   from several threads wait for one another.  Floating-point traps and signal handlers of the program stay as they are. */
 #ifndef INSITU_H
 #define INSITU_H
 #ifdef __cplusplus
@@ -11,7 +12,7 @@ extern "C" {
 /* Begin: what a scene file of kind "loop" says goes into the catalog, which may be there already. */
 int insitu_initialize(const char *scene, const char *catalog);
 
-/* The same on the ranks of a communicator, of which each has a block of the field: MPI_Comm_c2f(comm). */
+/* The same on the ranks of a communicator, of which each has a block of the field: MPI_Comm_c2f(comm).  After MPI_Init. */
 int insitu_initialize_mpi(const char *scene, const char *catalog, int communicator);
 
 /* The next member's parameters; they stay for further ones until they are set again. */
@@ -27,6 +28,11 @@ int insitu_set_ghosts(const int *layers);
    insitu_render returns.  The name is that by which appearances show the field, "" where they name none. */
 int insitu_set_field(const char *name, const float *values, const int *shape);
 int insitu_set_field_double(const char *name, const double *values, const int *shape);
+
+/* The same for values that are copied at once and may lie apart, such as the inner part of an array: strides are the bytes from one
+   sample to the next along x, y, z, negative ones too; NULL for values side by side, x fastest. */
+enum { INSITU_FLOAT = 1, INSITU_DOUBLE = 2, INSITU_INT = 3, INSITU_LONG_LONG = 4 };
+int insitu_copy_field(const char *name, const void *values, int type, const int *shape, const long long *strides);
 
 /* Render the member, and forget its fields; one that is in the catalog already is skipped.  A time that is NaN is none. */
 int insitu_render(double time);

@@ -19,6 +19,8 @@ from insitu.fields.blocks import Blocks
 from insitu.fields.boxes import Box
 from insitu.fields.location import FieldLocation, Ghosts
 from insitu.fields.member_fields import LocalField, MemberInput, time_of
+from insitu.fields.share import ghost_layers
+from insitu.hook.traps import no_traps
 from insitu.hook.writer import CatalogWriter
 from insitu.members.beginning import check_new, checked_function, checked_path
 from insitu.members.failures import Failures, called, warn_caller, warn_safely
@@ -141,7 +143,11 @@ class Session:
 
         def is_stored() -> bool:
             catalog = self._writer.find_catalog()
-            return catalog is not None and catalog.find(with_time(parameters, time, catalog.plan.space)[0]) is not None
+            if self._space is None:
+                return False
+            wanted, _ = with_time(parameters, time, self._space)
+            self._space.values(wanted, outside="allow")  # mistakes are errors without a catalog, too
+            return catalog is not None and catalog.find(wanted) is not None
 
         answer: bool = run_on_root(self._ranks, is_stored)
         return answer
@@ -197,12 +203,13 @@ class Session:
         member = MemberArguments(parameters, name, split, time, provenance, appearances, *policies)
         given = LocalField(field, FieldLocation(spacing, origin, array, dims, ghosts, nan or self._nan))
         if self._ranks is SINGLE:
-            if ghosts:
+            if any(map(any, ghost_layers(ghosts))):
                 raise ValueError(
                     f"ghosts={ghosts!r} are layers of a block: pass comm= to the session, or cut them away"
                 )
-            return self._render(given, member)
-        with Blocks(self._ranks, given) as blocks:
+            with no_traps():
+                return self._render(given, member)
+        with no_traps(), Blocks(self._ranks, given) as blocks:
             rendered: RenderedMember = run_on_root(self._ranks, lambda: self._render(blocks, member), blocks.commands)
             return rendered
 

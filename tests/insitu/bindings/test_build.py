@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import os
 import shutil
-import subprocess
 import sys
 from importlib.util import find_spec
 from pathlib import Path
@@ -14,49 +12,26 @@ import pytest
 from catalogs.store.catalog import Catalog
 from insitu.bindings.build import BuildError, build
 from render.quality import psnr
+from tests.support.embedded import Library, built, run
 
 EXAMPLE = Path(__file__).parents[3] / "examples" / "embedding"
-ENVIRONMENT = {**os.environ, "OMP_NUM_THREADS": "1", "LP_NUM_THREADS": "1"}
 BESIDE = Path(sys.executable).parent  # where the mpich wheel puts its commands
 
 
-def run(*command: object) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [str(part) for part in command], capture_output=True, text=True, timeout=200, env=ENVIRONMENT, check=False
-    )
-
-
-def compiled(*command: object) -> None:
-    done = run(*command)
-    assert done.returncode == 0, done.stderr
-
-
 @pytest.fixture(scope="module")
-def library(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("library")
-    try:
-        build(folder)
-    except BuildError as error:
-        pytest.skip(str(error))
-    return folder
-
-
-def linked(library: Path) -> list[str]:
-    return [f"-L{library}", "-linsitu", f"-Wl,-rpath,{library}", "-lm"]
+def library(tmp_path_factory: pytest.TempPathFactory) -> Library:
+    return built(tmp_path_factory.mktemp("library"))
 
 
 @pytest.mark.slow
-def test_programs_in_c_and_fortran_and_ranks_of_mpi_render_the_same(library: Path, tmp_path: Path) -> None:
-    programs = {"c": [tmp_path / "c"]}
-    compiled("cc", EXAMPLE / "waves.c", f"-I{library}", *linked(library), "-o", tmp_path / "c")
+def test_programs_in_c_and_fortran_and_ranks_of_mpi_render_the_same(library: Library, tmp_path: Path) -> None:
+    programs: dict[str, list[object]] = {"c": [library.program(EXAMPLE / "waves.c")]}
     if shutil.which("gfortran"):
-        programs["fortran"] = [tmp_path / "fortran"]
-        sources = [library / "insitu.f90", EXAMPLE / "waves.f90"]
-        compiled("gfortran", f"-J{tmp_path}", *sources, *linked(library), "-o", tmp_path / "fortran")
+        programs["fortran"] = [library.program(EXAMPLE / "waves.f90", compiler="gfortran")]
     mpicc = BESIDE / "mpicc"
     if mpicc.is_file() and find_spec("mpi4py"):
-        programs["mpi"] = [BESIDE / "mpiexec", "-n", "3", tmp_path / "mpi"]
-        compiled(mpicc, "-DWITH_MPI", EXAMPLE / "waves.c", f"-I{library}", *linked(library), "-o", tmp_path / "mpi")
+        program = library.program(EXAMPLE / "waves.c", "-DWITH_MPI", compiler=str(mpicc))
+        programs["mpi"] = [BESIDE / "mpiexec", "-n", "3", program]
     for name, program in programs.items():
         done = run(*program, EXAMPLE / "scene.toml", tmp_path / f"{name}.cdb")
         assert (done.returncode, done.stdout) == (0, "2 members\n"), done.stderr
@@ -71,9 +46,8 @@ def test_programs_in_c_and_fortran_and_ranks_of_mpi_render_the_same(library: Pat
 
 
 @pytest.mark.slow
-def test_a_program_is_told_what_is_wrong(library: Path, tmp_path: Path) -> None:
-    compiled("cc", EXAMPLE / "waves.c", f"-I{library}", *linked(library), "-o", tmp_path / "c")
-    done = run(tmp_path / "c", tmp_path / "none.toml", tmp_path / "c.cdb")
+def test_a_program_is_told_what_is_wrong(library: Library, tmp_path: Path) -> None:
+    done = run(library.program(EXAMPLE / "waves.c"), tmp_path / "none.toml", tmp_path / "c.cdb")
     assert done.returncode == 1
     assert "waves: FileNotFoundError: scene " in done.stderr
     assert not (tmp_path / "c.cdb").exists()
