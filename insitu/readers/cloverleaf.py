@@ -12,7 +12,7 @@ import os
 import re
 import warnings
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 
 from insitu.fields.field import Field
 from insitu.readers.arrays import LabelledArray, check_room
+from insitu.readers.fortran_numbers import respelled
 from insitu.readers.gzip_files import unpacked
 from insitu.readers.printed_axis import PrintedAxis, field_on_axes, joined_axis
 from insitu.readers.reader import Reader, Sampling, StoredState, chosen_array
@@ -122,10 +123,21 @@ def _most_chunks(path: Path) -> int:
     return max(steps.values(), default=0)
 
 
+def _blocks(path: Path) -> int:
+    """The number of chunks that the run's list of files, `clover.visit`, says; 0 where there is none."""
+    own = NAME.fullmatch(path.name)
+    listed = path.with_name(f"{own['stem']}.visit") if own else path
+    if not (own and listed.is_file()):
+        return 0
+    with listed.open("rb") as file:
+        found = re.fullmatch(rb"!NBLOCKS\s+(\d{1,9})\s*", file.readline(LINE))
+    return int(found[1]) if found else 0
+
+
 def _check_complete(path: Path, parts: Sequence[Path]) -> None:
-    """Raise ValueError where a chunk is missing, as far as numbers of chunks and other steps tell."""
+    """Raise ValueError where a chunk is missing, as far as numbers of chunks, other steps and `clover.visit` tell."""
     numbers = {int(found["chunk"]) for part in parts if (found := NAME.fullmatch(part.name))}
-    most = _most_chunks(path)
+    most = max(_most_chunks(path), _blocks(path))
     missing = sorted(set(range(1, 1 + max(most, *numbers, 0))) - numbers) if numbers else []
     if missing:
         raise ValueError(
@@ -211,16 +223,23 @@ def _sections(file: BinaryIO, axes: Sequence[PrintedAxis]) -> Iterator[Section]:
 
 def _values(path: Path, name: str, section: Section) -> NDArray[Any]:
     """The numbers of an array [count], parsed a line at a time."""
-    with path.open("rb") as file, warnings.catch_warnings():
-        file.seek(section.begins)
+    try:
+        values = _parsed(path, section, lambda line: line)
+    except ValueError:
         try:
-            warnings.simplefilter("ignore")  # of lines without numbers, which are counted below
-            values = np.loadtxt(islice(file, section.count), section.kind, comments=None, ndmin=1)
+            values = _parsed(path, section, respelled)  # which takes twice the time
         except ValueError as error:
             raise ValueError(f"{name}: {section.name}: {error}") from None
     if values.shape != (section.count,):
         raise ValueError(f"{name}: {section.name} must have {section.count} lines of one number, got {values.shape}")
     return values
+
+
+def _parsed(path: Path, section: Section, spell: Callable[[bytes], bytes]) -> NDArray[Any]:
+    with path.open("rb") as file, warnings.catch_warnings():
+        file.seek(section.begins)
+        warnings.simplefilter("ignore")  # of lines without numbers, which the caller counts
+        return np.loadtxt(map(spell, islice(file, section.count)), section.kind, comments=None, ndmin=1)
 
 
 def _skip_lines(file: BinaryIO, count: int, name: str) -> None:

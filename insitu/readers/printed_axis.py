@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from insitu.fields.field import Field
 from insitu.readers.arrays import LabelledArray
+from insitu.readers.fortran_numbers import spelled
 
 SLACK = 1e-9  # of a coordinate: what computing with it adds to its rounding
 
@@ -32,7 +33,7 @@ class PrintedAxis:
     def of(cls, words: Sequence[str]) -> PrintedAxis:
         """The axis of printed numbers; raises ValueError for others, and where they do not increase."""
         try:
-            numbers = [Decimal(word) for word in words]
+            numbers = [Decimal(spelled(word)) for word in words]
         except InvalidOperation:
             raise ValueError(f"coordinates must be numbers, got {' '.join(words)[:40]!r}") from None
         if not all(number.is_finite() for number in numbers):

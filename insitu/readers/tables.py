@@ -12,7 +12,9 @@ expression with named groups, `run_(?P<Re>\\d+)/.*`.
 
 from __future__ import annotations
 
+import codecs
 import csv
+import io
 import math
 import os
 import re
@@ -27,11 +29,20 @@ from catalogs.vocabulary.parameters import SPLITS, Parameter, ParameterSpace
 from catalogs.vocabulary.words import shortened
 from insitu.readers.attributes import SPLIT_WORDS
 from insitu.readers.folders import files_below
+from insitu.readers.fortran_numbers import printed_number
 
 PATH_COLUMNS = ("path", "file", "filename", "filepath")
 HEADER = re.compile(r"\s*(?P<name>.*?)\s*(?:\[(?P<unit>[^\]]*)\])?\s*")
 NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
+DECIMAL_COMMA = re.compile(r"[-+]?\d*,\d+(?:[eE][-+]?\d+)?")
 BRACES = re.compile(r"\{(\w*)\}|\*\*|\*")
+MARKS = (
+    (codecs.BOM_UTF8, "utf-8-sig"),
+    (codecs.BOM_UTF32_LE, "utf-32"),  # which begins as UTF-16 does
+    (codecs.BOM_UTF32_BE, "utf-32"),
+    (codecs.BOM_UTF16_LE, "utf-16"),
+    (codecs.BOM_UTF16_BE, "utf-16"),
+)
 NAMED_GROUP = "(?P<"
 LARGEST_TABLE = 1 << 28  # bytes
 
@@ -92,7 +103,7 @@ def read_table(
     try:
         if path.stat().st_size > LARGEST_TABLE:
             raise ValueError(f"it has {path.stat().st_size} bytes, more than a table of members")
-        table = _parsed(path.read_text(encoding="utf-8-sig"), path.parent, parameters, more_in_files)
+        table = _parsed(_text(path.read_bytes()), path.parent, parameters, more_in_files)
     except (ValueError, csv.Error) as error:
         raise ValueError(f"{path}: {error}") from None
     absent = [str(row.path) for row in table.rows if not (row.path.is_file() or row.path.is_dir())]
@@ -101,10 +112,24 @@ def read_table(
     return table
 
 
+def _text(data: bytes) -> str:
+    """The text of a table in any encoding of Unicode, or else in Latin-1, as spreadsheets save them."""
+    for mark, encoding in MARKS:
+        if data.startswith(mark):
+            return data.decode(encoding)
+    if b"\0" in data:  # UTF-16 without a mark: the other half of its first letters is zero
+        halves = [data[:64][half::2].count(0) for half in (0, 1)]
+        return data.decode("utf-16-be" if halves[0] > halves[1] else "utf-16-le")
+    try:
+        return data.decode()
+    except UnicodeDecodeError:
+        return data.decode("latin-1")
+
+
 def _parsed(text: str, folder: Path, wanted: Sequence[str], more_in_files: bool) -> MemberTable:
     first = text.partition("\n")[0]
     delimiter = max(",;\t", key=first.count)
-    lines = list(csv.reader(text.splitlines(), delimiter=delimiter, skipinitialspace=True))
+    lines = list(csv.reader(io.StringIO(text, None), delimiter=delimiter, skipinitialspace=True))
     if not lines:
         raise ValueError("it is empty: a header is needed, such as path,Re,time")
     heads = [HEADER.fullmatch(cell) for cell in lines[0]]
@@ -122,19 +147,20 @@ def _parsed(text: str, folder: Path, wanted: Sequence[str], more_in_files: bool)
     elif unknown or not other:
         raise ValueError(f"there are no columns {unknown or 'of parameters'}: beside the path it has {other}")
     rows = []
-    for number, cells in enumerate(lines[1:], start=2):
+    for line, cells in enumerate(lines[1:], start=2):
         if not any(cell.strip() for cell in cells):
             continue
         if len(cells) != len(names):
-            raise ValueError(f"line {number} has {len(cells)} cells, the header {len(names)}")
+            more = ": separate them by semicolons" if delimiter == "," and len(cells) > len(names) else ""
+            raise ValueError(f"line {line} has {len(cells)} cells, the header {len(names)}{more}")
         held = {name: cell.strip() for name, cell in zip(names, cells, strict=True)}
         by_lower = {name.lower(): cell for name, cell in held.items() if name not in wanted}
-        values = {name: _number(held[name], f"line {number}, column {name!r}") for name in wanted or other}
+        values = {name: _number(held[name], f"line {line}, column {name!r}") for name in wanted or other}
         rows.append(
             TableRow(
                 folder / held[names[column]],
                 values,
-                _split(by_lower.get("split", ""), number),
+                _split(by_lower.get("split", ""), line),
                 by_lower.get("name", ""),
             )
         )
@@ -145,11 +171,14 @@ def _parsed(text: str, folder: Path, wanted: Sequence[str], more_in_files: bool)
 
 def _number(text: str, what: str) -> float:
     try:
-        value = float(text)
+        value = printed_number(text)
     except ValueError:
         value = math.nan
     if not math.isfinite(value):
-        raise ValueError(f"{what} must be a finite number, got {text!r}; --parameters names the columns that are")
+        cure = "--parameters names the columns that are"
+        if DECIMAL_COMMA.fullmatch(text.strip()):
+            cure = f"write it with a point, {text.strip().replace(',', '.')}"
+        raise ValueError(f"{what} must be a finite number, got {text!r}; {cure}")
     return value
 
 

@@ -19,6 +19,7 @@ import numpy as np
 
 from insitu.fields.field import Field
 from insitu.readers.arrays import LabelledArray, check_room
+from insitu.readers.fortran_numbers import printed_number
 from insitu.readers.printed_axis import PrintedAxis, field_on_axes
 from insitu.readers.reader import Reader, Sampling, StoredState, chosen_array
 
@@ -246,7 +247,7 @@ def _hyperslab(time: Element | None) -> tuple[float, float | None]:
 
 def _finite(word: str, what: str = "a time") -> float:
     try:
-        value = float(word)
+        value = printed_number(word)
     except ValueError:
         value = math.nan
     if not math.isfinite(value):

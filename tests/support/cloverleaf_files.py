@@ -21,7 +21,10 @@ def e12_4(value: float) -> str:
 
 def printed(values: NDArray[np.floating]) -> NDArray[np.float64]:
     """The values after printing and reading."""
-    return np.vectorize(lambda value: float(e12_4(value)), otypes=[np.float64])(values)
+    words = np.vectorize(e12_4, otypes=[object])(values)
+    return np.vectorize(lambda word: float(word if "E" in word else f"{word[:-4]}E{word[-4:]}"), otypes=[np.float64])(
+        words
+    )
 
 
 def write_chunk(

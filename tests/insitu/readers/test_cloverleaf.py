@@ -126,14 +126,33 @@ def with_another_runs_rank(folder: Path) -> None:
     (folder / "clover.00007.00040.vtk").write_bytes((folder / "clover.00001.00040.vtk").read_bytes())
 
 
-def with_a_tiny_number(folder: Path) -> None:
-    """One whose exponent leaves no room for its E: VTK takes it for two."""
-    write_dump(folder, 40, even(), {"energy": np.full(CELLS, 1e-120)}, {}, ((3,), (), (1, 2)))
-
-
 def edited(folder: Path, old: str, new: str) -> None:
     path = folder / "clover.00001.00040.vtk"
     path.write_text(path.read_text().replace(old, new, 1))
+
+
+def test_exponents_of_three_digits_have_no_letter(tmp_path: Path) -> None:
+    """VTK takes 0.1584-100 for two numbers."""
+    random = np.random.default_rng(1)
+    energy = random.normal(size=CELLS) * 10.0 ** random.integers(-300, 300, CELLS)
+    axes = [1e-120 * axis for axis in even()]
+    path = write_dump(tmp_path, 40, axes, {"energy": energy}, {}, ((3,), (), (1, 2)))[0]
+    assert "-120\n" in path.read_text()
+    found = read_data(path, array="energy")
+    assert np.array_equal(found.values, printed(energy))
+    assert found.spacing == pytest.approx((3e-121, 1.5625e-121, 1e-120 / 3), rel=3e-4)
+
+
+@pytest.mark.parametrize("kept", [(1,), (1, 2), (1, 2, 3, 4)])
+def test_a_rank_that_is_missing_at_every_step_shows_by_the_list_of_files(tmp_path: Path, kept: tuple[int, ...]) -> None:
+    """The ranks that are left fill a box, and are numbered without a gap."""
+    path = dump(tmp_path, ((3,), (), (1, 2)))
+    for chunk in set(range(1, 7)) - set(kept):
+        (tmp_path / f"clover.{chunk:05d}.00040.vtk").unlink()
+    read_data(path, array="energy")
+    (tmp_path / "clover.visit").write_text("!NBLOCKS     6\nclover.00001.00040.vtk\n")
+    with pytest.raises(ValueError, match=f"chunk {max(kept) + 1} of step 40 is missing, of 6 or more"):
+        read_data(path, array="energy")
 
 
 @pytest.mark.parametrize(
@@ -151,7 +170,7 @@ def edited(folder: Path, old: str, new: str) -> None:
         (lambda folder: edited(folder, "0.9000E+00", "0.8000E+00"), "make no mesh along x: they overlap"),
         (lambda folder: edited(folder, "energy 1", "energy 3"), "array of 12 single values must follow, got 'energy 3"),
         (lambda folder: edited(folder, "energy 1", "temp 1"), "no array 'energy'"),
-        (with_a_tiny_number, "clover.00001.00040.vtk: energy: could not convert string '0.1000-119'"),
+        (lambda folder: edited(folder, "0.6000E+00", "0.6O00E+00"), "00001.*coordinates must be numbers"),
     ],
 )
 def test_a_step_that_is_not_whole_is_one_error(tmp_path: Path, harm: object, message: str) -> None:

@@ -44,9 +44,36 @@ def test_a_table_is_read(folder: Path, separator: str) -> None:
     assert table.rows[2].parameters == {"Re": 250.5, "nu": 3e-2}
 
 
+@pytest.mark.parametrize("newline", ["\n", "\r\n", "\r"])
+@pytest.mark.parametrize(
+    "encoding",
+    ["utf-8", "utf-8-sig", "utf-16", "utf-16-le", "utf-16-be", "utf-32", "latin-1", "cp1252"],
+)
+def test_a_table_is_read_in_any_encoding(tmp_path: Path, encoding: str, newline: str) -> None:
+    (tmp_path / "größe.npy").touch()
+    text = newline.join(["path;Re;width [µm];name", "größe.npy;100;0.5;Straße"])
+    (tmp_path / "t.csv").write_bytes(text.encode(encoding))
+    table = read_table(tmp_path / "t.csv")
+    assert [(row.path.name, dict(row.parameters), row.name) for row in table.rows] == [
+        ("größe.npy", {"Re": 100.0, "width": 0.5}, "Straße")
+    ]
+    assert dict(table.units) == {"width": "µm"}
+
+
+def test_numbers_may_be_as_fortran_prints_them(tmp_path: Path) -> None:
+    (tmp_path / "a.npy").touch()
+    (tmp_path / "t.csv").write_text("path,small,large,double\na.npy,0.1584-100,1.5+101,2.5D-03\n")
+    [row] = read_table(tmp_path / "t.csv").rows
+    assert dict(row.parameters) == {"small": 0.1584e-100, "large": 1.5e101, "double": 2.5e-3}
+
+
 @pytest.mark.parametrize(
     ("text", "message"),
     [
+        ("path;Re\na;0,5\n", "line 2, column 'Re' must be .*, got '0,5'; write it with a point, 0.5"),
+        ("path\tRe\na\t-1,5e3\n", "got '-1,5e3'; write it with a point, -1.5e3"),
+        ("path,Re\na,0,5\n", "line 2 has 3 cells, the header 2: separate them by semicolons"),
+        ("path,Re\na,100-200\n", "got '100-200'; --parameters"),
         ("", "empty"),
         ("path,Re\n", "names no file"),
         ("Re,nu\n1,2\n", r"needs a column 'path', got \['Re', 'nu'\]"),
