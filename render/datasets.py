@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -90,7 +91,8 @@ def to_grid(
     if is_labelled(data):
         found = placed(data, dims, spacing, origin)
         if found.axes is not None:
-            return _with_warnings(_on_axes(found.values, found.axes, found.name, "array", nan), warn)
+            grid = _on_axes(found.values, found.axes, found.name, "array", nan)
+            return _with_warnings(replace(grid, notes=(*found.notes, *grid.notes)), warn)
         data, dims = found.values, None
     if all(hasattr(data, name) for name in ("values", "spacing", "origin")):
         spacing = data.spacing if spacing is None else spacing

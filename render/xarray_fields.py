@@ -12,16 +12,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from render.coordinates import AXES, METRES, letter_of, points_down, unit_of, unwrapped
 from render.grids import triple
 
-AXES = "xyz"
-# What axes are called, in lower case; those of a model's levels and of the Earth stand for z, y and x.
-NAMES = {
-    "x": {"x", "xc", "x_c", "lon", "longitude", "easting"},
-    "y": {"y", "yc", "y_c", "lat", "latitude", "northing"},
-    "z": {"z", "zc", "z_c", "lev", "level", "plev", "pressure_level", "depth", "height", "altitude", "elevation"},
-}
 SAME = 1e-5  # relative deviation of a spacing, or of an origin in spacings, that still agrees with coordinates
+# Height over the shorter horizontal side at which axes of different units are drawn as their numbers are, and else.
+SLIMMEST, FLATTEST, HEIGHT = 5.0, 0.05, 0.25
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,14 +26,16 @@ class PlacedArray:
 
     Attributes
     ----------
-    axes : increasing coordinates along x, y and z; None where no axis has any.
+    axes : increasing coordinates along x, y and z, which points up; None where no axis has any.
     name, unit : of the quantity, "" where unknown.
+    notes : what the user should know of the place.
     """
 
     values: NDArray[Any]  # [nz, ny, nx]
     axes: tuple[NDArray[Any], NDArray[Any], NDArray[Any]] | None
     name: str
     unit: str
+    notes: tuple[str, ...] = ()
 
 
 def is_labelled(data: Any) -> bool:
@@ -75,10 +73,11 @@ def placed(
     Parameters
     ----------
     dims : what its axes are, in their own order, each of "x", "y" and "z"; by default as they are called.
-    spacing, origin : must agree with the coordinates where there are any.
+    spacing, origin : must agree with the coordinates where there are any.  Where z is measured in another unit than x and y,
+        such as metres beside degrees, `spacing` may state any distance along z.
 
-    Axes of one value, such as a time, are dropped.  Raises ValueError naming axes that do not say what they are, coordinates
-    that neither increase nor decrease, and a spacing or origin that contradicts them.
+    Axes of one value, such as a time, are dropped.  Depth and pressure are negative heights.  Raises ValueError naming axes that
+    do not say what they are, coordinates that neither increase nor decrease, and a spacing or origin that contradicts them.
     """
     names = [str(name) for name in data.dims]
     kept = [name for name, size in zip(names, data.shape, strict=True) if size != 1] if len(names) > 3 else names
@@ -88,16 +87,20 @@ def placed(
             f"are not in space, such as .isel({names[0] if names else 'time'}=0)"
         )
     coordinates = {name: data.coords[name] for name in names if name in data.coords}
-    order = axis_order(kept, dims, {name: getattr(c, "attrs", {}) for name, c in coordinates.items()})
+    about = {name: getattr(coordinates.get(name), "attrs", {}) for name in kept}
+    order = axis_order(kept, dims, about)
     values = np.asarray(data.values)
     values = values.reshape([n for n, name in zip(values.shape, names, strict=True) if name in kept])
     values = values.transpose([kept.index(order[letter]) for letter in "zyx"])
     attributes = getattr(data, "attrs", {})
+    before = data.notes if hasattr(type(data), "notes") else ()  # of an xarray it would be one of its own attributes
     labels = str(getattr(data, "name", None) or ""), str(attributes.get("units", ""))
     along = {letter: coordinates.get(order[letter]) for letter in AXES}
-    if all(coordinate is None for coordinate in along.values()):
-        return PlacedArray(values, None, *labels)
     bare = [letter for letter in AXES if along[letter] is None]
+    if "z" in bare and points_down(order["z"], {}):
+        values = np.flip(values, 0)
+    if len(bare) == 3:
+        return PlacedArray(values, None, *labels)
     if bare and spacing is None:
         raise ValueError(
             f"the array has coordinates along {[order[a] for a in AXES if a not in bare]} but none along "
@@ -106,16 +109,18 @@ def placed(
     axes = []
     for number, letter in enumerate(AXES):
         size = values.shape[2 - number]
-        axis = _increasing(along[letter], order[letter], size)
+        axis = along_axis(along[letter], order[letter], size, letter, about[order[letter]])
         if axis is None:
             start = 0.0 if origin is None else triple("origin", origin)[number]
             axis = start + triple("spacing", 1.0 if spacing is None else spacing)[number] * np.arange(size)
         elif axis[0] > axis[-1]:
             axis, values = axis[::-1], np.flip(values, 2 - number)
         axes.append(axis)
-    _check_given(axes, order, spacing, origin)
+    units = [unit_of(order[letter], about[order[letter]]) for letter in AXES]
+    factor, notes = _height(axes, order, units, spacing) if not bare else (None, ())
+    _check_given(axes, order, spacing, origin, 3 if factor is None else 2)
     x, y, z = axes
-    return PlacedArray(values, (x, y, z), *labels)
+    return PlacedArray(values, (x, y, z if factor is None else z * factor), *labels, (*before, *notes))
 
 
 def axis_order(
@@ -130,7 +135,7 @@ def axis_order(
         if sorted(letters) != sorted(AXES):
             raise ValueError(f'dims must be an order of "x", "y" and "z", one for each axis of the array, got {dims!r}')
     else:
-        letters = [_letter(name, (attributes or {}).get(name, {})) for name in names]
+        letters = [letter_of(name, (attributes or {}).get(name, {})) for name in names]
         if sorted(letters) != sorted(AXES):
             raise ValueError(
                 f"the axes {list(names)} do not say which of them is x, y and z: pass dims, what each axis is in the array's own "
@@ -139,19 +144,15 @@ def axis_order(
     return dict(zip(letters, names, strict=True))
 
 
-def _letter(name: str, attributes: Mapping[str, Any]) -> str:
-    """ "x", "y" or "z"; "" where neither the axis attribute nor the name says."""
-    stated = str(attributes.get("axis", "")).lower()
-    return next((letter for letter in AXES if letter == stated or (not stated and name.lower() in NAMES[letter])), "")
-
-
 def _extents(array: Any) -> int:
     """Along how many axes an array has more than one value; 0 for what holds no numbers."""
     return sum(size > 1 for size in array.shape) if array.dtype.kind in "fiub" else 0
 
 
-def _increasing(coordinate: Any, name: str, size: int) -> NDArray[Any] | None:
-    """Coordinates along an axis; raises ValueError where they are not numbers that increase or decrease."""
+def along_axis(
+    coordinate: Any, name: str, size: int, letter: str, attributes: Mapping[str, Any]
+) -> NDArray[Any] | None:
+    """Coordinates along an axis, upwards along z; raises ValueError where they are not numbers that increase or decrease."""
     if coordinate is None:
         return None
     values = np.asarray(getattr(coordinate, "values", coordinate))
@@ -159,18 +160,47 @@ def _increasing(coordinate: Any, name: str, size: int) -> NDArray[Any] | None:
         raise ValueError(
             f"the coordinates along {name!r} must be {size} real numbers, got {values.dtype} {values.shape}"
         )
-    values = values if values.dtype.kind == "f" else values.astype(np.float64)
+    values = unwrapped(values if values.dtype.kind == "f" else values.astype(np.float64), name, attributes)
     steps = np.diff(values)
     if not np.isfinite(values).all() or not ((steps > 0).all() or (steps < 0).all()):
         raise ValueError(f"the coordinates along {name!r} must be finite and increase or decrease strictly")
-    return values
+    return -values if letter == "z" and points_down(name, attributes, values) else values
+
+
+def _height(
+    axes: Sequence[NDArray[Any]], order: Mapping[str, str], units: Sequence[str], spacing: ArrayLike | None
+) -> tuple[float | None, tuple[str, ...]]:
+    """The factor of coordinates along z that are of another unit than x and y, and a note on it; None for none."""
+    x, y, z = units
+    if x != y or x == z or not x or (not z and x != "degrees") or min(map(len, axes)) < 2:
+        return None, ()
+    length, width, height = (float(axis[-1] - axis[0]) for axis in axes)
+    if spacing is not None:
+        return triple("spacing", spacing)[2] * (len(axes[2]) - 1) / height, ()
+    shorter = min(length, width)
+    if x in METRES and z in METRES:
+        drawn, why = METRES[z] / METRES[x] * height, f"as in {x}"
+    elif FLATTEST * shorter <= height <= SLIMMEST * shorter:
+        return None, ()
+    else:
+        drawn, why = HEIGHT * shorter, "a quarter of the shorter side"
+    steps = ", ".join(f"{side / (len(axis) - 1):.7g}" for side, axis in zip((length, width), axes, strict=False))
+    note = (
+        f"{order['x']!r} and {order['y']!r} are in {x}, {order['z']!r} is in {z or 'another unit'}: it is drawn {drawn:g} high, "
+        f"{why}, in place of {height:g}; for another height give spacing ({steps}, Z)"
+    )
+    return drawn / height, (note,)
 
 
 def _check_given(
-    axes: Sequence[NDArray[Any]], order: Mapping[str, str], spacing: ArrayLike | None, origin: ArrayLike | None
+    axes: Sequence[NDArray[Any]],
+    order: Mapping[str, str],
+    spacing: ArrayLike | None,
+    origin: ArrayLike | None,
+    count: int,
 ) -> None:
-    """Raise ValueError where a spacing or origin that was given is not the coordinates'."""
-    for number, (letter, axis) in enumerate(zip(AXES, axes, strict=True)):
+    """Raise ValueError where a spacing or origin that was given is not the coordinates' along the first `count` axes."""
+    for number, (letter, axis) in enumerate(list(zip(AXES, axes, strict=True))[:count]):
         if len(axis) < 2:
             continue
         step = float(axis[-1] - axis[0]) / (len(axis) - 1)

@@ -82,14 +82,18 @@ class StoredArray:
 
 @dataclass(frozen=True, eq=False)
 class LabelledArray:
-    """Values with named axes and coordinates, as `render.to_grid` takes them of xarray, too."""
+    """Values with named axes and coordinates, as `render.to_grid` takes them of xarray, too.
+
+    Coordinates that have attributes are labelled arrays themselves; `notes` are those of the grid.
+    """
 
     values: NDArray[Any]
     dims: tuple[str, ...]
-    coords: Mapping[str, NDArray[Any]]
+    coords: Mapping[str, NDArray[Any] | LabelledArray]
     name: str = ""
     attrs: Mapping[str, Any] = field(default_factory=dict)
     time: float | None = None
+    notes: tuple[str, ...] = ()
 
     @property
     def shape(self) -> tuple[int, ...]:
@@ -130,7 +134,8 @@ class Arrays:
         """The values at indices of the first axes of `array`, with the coordinates of the others."""
         names = tuple(dims or array.dims)[len(index) :]
         along = {name: self.coordinate(array, name) for name in names}
-        coords = {name: held.read() for name, held in along.items() if held is not None}
+        held = {name: coordinate for name, coordinate in along.items() if coordinate is not None}
+        coords = {name: LabelledArray(c.read(), (name,), {}, name, c.attrs) for name, c in held.items()}
         return LabelledArray(array.read(index), names, coords, array.stem, array.attrs)
 
 

@@ -30,7 +30,7 @@ from insitu.readers.attributes import (
     table_of,
     wanted_array,
 )
-from render.xarray_fields import NAMES
+from render.coordinates import letter_of
 
 FIELD = "field"  # what our own layout calls its fields, parameters and splits
 TABLES = ("params", "parameters", "param", "theta", "inputs", "design", "samples")
@@ -207,9 +207,9 @@ def _is_single(array: StoredArray, count: int) -> bool:
 def _along_members(array: StoredArray, field: StoredArray) -> bool:
     """True if the one axis of `array` may be the members', as far as axes have names."""
     named, other = (field.dims or ("",))[0], (array.dims or ("",))[0]
-    coordinates = {letter for names in NAMES.values() for letter in names} | set(field.dims[-3:])
+    stems = set(field.dims[-3:])
     return (other == named if named else not other) or (
-        not named and other not in coordinates and array.stem not in coordinates
+        not named and not any(letter_of(stem, {}) or stem in stems for stem in (other, array.stem))
     )
 
 

@@ -12,7 +12,8 @@ from insitu.fields.field import Field
 from insitu.fields.location import FieldLocation
 from insitu.readers.arrays import Arrays, LabelledArray, StoredArray
 from insitu.readers.attributes import as_text, asking, attributes_about
-from render.xarray_fields import AXES, axis_order, placed
+from render.coordinates import AXES
+from render.xarray_fields import along_axis, axis_order, placed
 
 SPACINGS = ("spacing", "grid_spacing", "voxel_size", "cell_size", "delta")
 ORDERS = ("axes", "dims", "dimensions", "axis_order", "order")
@@ -41,7 +42,7 @@ def placed_field(
         steps, starts = place[0] or (1.0, 1.0, 1.0), place[1] or (0.0, 0.0, 0.0)
         return Field(found.values, steps, starts, called, found.unit, time)
     coords = dict(zip(AXES, found.axes, strict=True))
-    return LabelledArray(found.values, ("z", "y", "x"), coords, called, array.attrs, time)
+    return LabelledArray(found.values, ("z", "y", "x"), coords, called, array.attrs, time, found.notes)
 
 
 def place_of(arrays: Arrays, array: StoredArray, names: Sequence[str], location: FieldLocation) -> tuple[Any, Any]:
@@ -58,7 +59,7 @@ def place_of(arrays: Arrays, array: StoredArray, names: Sequence[str], location:
     steps, starts = spacing or _triple(about, SPACINGS) or _steps(about), origin or _triple(about, ("origin",))
     if steps is None:
         raise asking(arrays, ["--spacing, the distances between values along x, y and z (attribute 'spacing')"])
-    return _filled(steps, starts or (0.0, 0.0, 0.0), [along[order[letter]] for letter in AXES])
+    return _filled(steps, starts or (0.0, 0.0, 0.0), {letter: along[order[letter]] for letter in AXES})
 
 
 def axis_names(arrays: Arrays, array: StoredArray) -> tuple[str, ...]:
@@ -74,13 +75,14 @@ def axis_names(arrays: Arrays, array: StoredArray) -> tuple[str, ...]:
 
 
 def _filled(
-    spacing: Sequence[float], origin: Sequence[float], along: Sequence[StoredArray | None]
+    spacing: Sequence[float], origin: Sequence[float], along: Mapping[str, StoredArray | None]
 ) -> tuple[tuple[float, ...], tuple[float, ...]]:
     """Spacing and origin, those of an axis with coordinates by these."""
     steps, starts = list(spacing), list(origin)
-    for number, coordinate in enumerate(along):
-        if coordinate is not None and coordinate.shape[0] > 1:
-            values = coordinate.read()
+    for number, (letter, held) in enumerate(along.items()):
+        if held is not None and held.shape[0] > 1:
+            values = along_axis(held.read(), held.stem, held.shape[0], letter, held.attrs)
+            assert values is not None
             steps[number] = abs(float(values[-1]) - float(values[0])) / (len(values) - 1)
             starts[number] = float(min(values[0], values[-1]))
     return tuple(steps), tuple(starts)

@@ -63,7 +63,7 @@ def test_coordinates_in_single_precision_are_even() -> None:
 
 
 @pytest.mark.parametrize(
-    "names", [{"x": "lon", "y": "lat", "z": "level"}, {"x": "Longitude", "y": "latitude", "z": "depth"}]
+    "names", [{"x": "lon", "y": "lat", "z": "level"}, {"x": "Longitude", "y": "latitude", "z": "altitude"}]
 )
 def test_the_axes_of_the_earth_are_known(names: dict[str, str]) -> None:
     assert is_function(to_grid(array("xyz").rename(names)))
