@@ -1,7 +1,8 @@
 """Axes of climate and ocean data: which of x, y and z one is, which way is up, and in which unit it is measured.
 
-The attributes `axis`, `standard_name`, `positive` and `units` say so; where they don't, the names that codes give their axes do
-("NetCDF Climate and Forecast (CF) Metadata Conventions", chapter 4 and appendix D).
+The attributes `axis`, `standard_name`, `positive` and `units` say so; where they don't, the names that codes give their axes do.
+
+"NetCDF Climate and Forecast (CF) Metadata Conventions", chapter 4 and appendix D.
 """
 
 from __future__ import annotations

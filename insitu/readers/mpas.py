@@ -1,7 +1,8 @@
-"""MPAS-Ocean's netCDF output: fields on a Voronoi mesh, sampled on a regular grid of longitude, latitude and layer.
+"""The netCDF output of MPAS: fields on a Voronoi mesh, sampled on a regular grid of longitude, latitude and layer.
 
-Layers are kept as they are: the grid's z axis counts them from the bottom up, evenly spaced.  Where there is no cell, and below the
-deepest layer of one, the field is NaN: land and the sea floor.  Planar meshes are sampled along x and y.
+Layers are kept as they are: the grid's z axis counts them from the bottom up, evenly spaced.  The ocean's first layer is the
+highest, the atmosphere's the lowest.  Where there is no cell, and below the deepest layer of one, the field is NaN: land and the
+sea floor.  Planar meshes are sampled along x and y.
 """
 
 from __future__ import annotations
@@ -83,6 +84,7 @@ def read(path: Path, array: str | None, index: tuple[int, ...], sampling: Sampli
         with _mesh_file(arrays, sampling.mesh) as held:
             mesh, scale = _mesh(held, cells)
             active = _active(held, cells, layers)
+            is_upwards = _is_upwards(arrays) or _is_upwards(held)
         plane = _plane(mesh, scale, sampling, layers)
         size = plane.shape[0] * plane.shape[1] * layers * field.dtype.itemsize
         check_room(
@@ -95,7 +97,8 @@ def read(path: Path, array: str | None, index: tuple[int, ...], sampling: Sampli
     located = locate(mesh, plane.points, sampling.interpolation == "linear")
     if (located.cells < 0).all():
         raise ValueError("none of the grid's points lies in a cell of the mesh")
-    return _gridded(values, located, plane, sampling, name, as_text(field.attrs.get("units", "")).strip())
+    upwards = values if is_upwards else values[:, ::-1]  # [cells, layers from the bottom up]
+    return _gridded(upwards, located, plane, sampling, name, as_text(field.attrs.get("units", "")).strip())
 
 
 def _gridded(
@@ -105,7 +108,7 @@ def _gridded(
     found = np.empty((layers, *plane.shape), dtype=values.dtype)  # [layer, ny, nx], from the bottom up
     for layer in range(layers):
         column = np.ascontiguousarray(values[:, layer])
-        found[layers - 1 - layer] = located.sampled(column, sampling.interpolation == "linear").reshape(plane.shape)
+        found[layer] = located.sampled(column, sampling.interpolation == "linear").reshape(plane.shape)
     across = min(n * step for n, step in zip(plane.shape[::-1], plane.spacing, strict=True))
     return Field(found, (*plane.spacing, HEIGHT * across / layers), (*plane.origin, 0.0), name, unit)
 
@@ -134,6 +137,12 @@ def _mesh_file(arrays: Arrays, path: Path | None) -> Iterator[Arrays]:
             yield held
     except ValueError as error:
         raise ValueError(f"mesh {path}: {error}") from None
+
+
+def _is_upwards(arrays: Arrays) -> bool:
+    """True if a file is the atmosphere's, which its core's name says, else its array of heights."""
+    core = as_text(arrays.attrs[""].get("core_name", "")).strip().lower()
+    return "atmosphere" in core or (not core and "zgrid" in arrays.arrays)
 
 
 def _is_field(array: StoredArray) -> bool:
@@ -183,7 +192,8 @@ def _mesh(arrays: Arrays, cells: int) -> tuple[VoronoiMesh, float]:
         )
     a, b, c, d = (arrays.arrays[name].read().astype(np.float64) for name in names)
     edges = arrays.arrays["nEdgesOnCell"].read()
-    around, meeting = (arrays.arrays[name].read().astype(np.int64) - 1 for name in ("verticesOnCell", "cellsOnVertex"))
+    with np.errstate(invalid="ignore"):  # numbers that were never written, which are no cell's
+        around, meeting = (arrays.arrays[n].read().astype(np.int64) - 1 for n in ("verticesOnCell", "cellsOnVertex"))
     if a.shape != (cells,) or edges.shape != (cells,) or around.shape[:1] != (cells,):
         raise ValueError(f"the mesh has {a.shape} cells, the field {cells}")
     if around.ndim != 2 or meeting.shape != (len(c), 3) or a.shape != b.shape or c.shape != d.shape:
@@ -255,4 +265,4 @@ def _extent(mesh: VoronoiMesh) -> tuple[NDArray[np.float64], NDArray[np.float64]
     return np.array([west, latitudes.min()]), np.array([east, latitudes.max()])
 
 
-READER = Reader("mpas", "MPAS-Ocean, netCDF", recognizes, records, read, grows=True, samples=True, units={"time": "d"})
+READER = Reader("mpas", "MPAS, netCDF", recognizes, records, read, grows=True, samples=True, units={"time": "d"})

@@ -83,6 +83,19 @@ def test_a_sample_has_the_value_of_the_cell_that_contains_it(tmp_path: Path, for
     assert (longitudes.min(), longitudes.max()) == pytest.approx((2.5, 357.5))
 
 
+@pytest.mark.parametrize(
+    ("core", "lowest"), [("ocean", LAYERS - 1), ("atmosphere", 0), ("init_atmosphere", 0), ("landice", LAYERS - 1)]
+)
+def test_the_first_layer_is_the_seas_highest_and_the_airs_lowest(tmp_path: Path, core: str, lowest: int) -> None:
+    made = hexagons()
+    made.arrays["maxLevelCell"][1][:] = LAYERS
+    values = np.broadcast_to(np.arange(float(LAYERS)), (1, len(made.ocean), LAYERS))
+    write_output(tmp_path / "a.nc", made, {"theta": values}, TIMES[:1], attributes={"core_name": core})
+    grid = read_data(tmp_path / "a.nc").values
+    assert np.nanmin(grid[0]) == np.nanmax(grid[0]) == lowest
+    assert np.nanmax(grid[-1]) == LAYERS - 1 - lowest
+
+
 def test_a_plane_that_repeats_is_sampled_over_one_period(tmp_path: Path) -> None:
     made = hexagons()
     found = read_data(output(tmp_path, made), index=(0,), sampling=Sampling((46, 37, LAYERS)))
