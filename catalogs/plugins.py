@@ -5,9 +5,32 @@ from __future__ import annotations
 import sys
 import warnings
 from functools import lru_cache
+from types import FrameType
 from typing import Any
 
+OURS = {"catalogs", "insitu", "render", "surrogate"}
 APPEARANCES, READERS = "gs_surrogate.appearances", "gs_surrogate.readers"
+
+
+class PluginWarning(UserWarning):
+    """An object of another package was left out."""
+
+
+def leave_out(name: str, package: str, group: str, problem: str) -> None:
+    """Warn that an object of another package is not used, at the line that called into this project."""
+    frame: FrameType | None = sys._getframe()
+    level = 1
+    while frame is not None and frame.f_globals.get("__name__", "").partition(".")[0] in OURS:
+        frame, level = frame.f_back, level + 1
+    warnings.warn(f"{name!r} of {package} in {group} is left out: {problem}", PluginWarning, stacklevel=level)
+
+
+def package_of(name: str, group: str) -> str:
+    """The package that registers a name."""
+    from importlib.metadata import entry_points
+
+    found = next(iter(entry_points(group=group, name=name)), None)
+    return "another package" if found is None else found.dist.name if found.dist else found.module
 
 
 def plugins(group: str) -> dict[str, Any]:
@@ -27,15 +50,10 @@ def _loaded(group: str, path: tuple[str, ...]) -> dict[str, Any]:
     for point in entry_points(group=group):
         package = point.dist.name if point.dist else point.module
         if point.name in loaded:
-            warnings.warn(
-                f"{point.name!r} of {package} in {group} is left out: another package has this name", stacklevel=3
-            )
+            leave_out(point.name, package, group, "another package has this name")
             continue
         try:
             loaded[point.name] = point.load()
         except Exception as error:
-            problem = f"{type(error).__name__}: {error}"
-            warnings.warn(
-                f"{point.name!r} of {package} in {group} is left out, it does not load: {problem}", stacklevel=3
-            )
+            leave_out(point.name, package, group, f"it does not load: {type(error).__name__}: {error}")
     return loaded

@@ -204,7 +204,7 @@ def is_ensemble(path: Path) -> bool:
     if is_listing(str(path)) or (path.is_dir() and not is_folder_file(path)):
         return True
     if (code := reader_of(path)) is not None:
-        return len(code.records(path, Sampling())) > 1
+        return len(code.states(path, Sampling())) > 1
     if not is_store(path):
         return False
     with open_arrays(path) as arrays:

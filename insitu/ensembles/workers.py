@@ -9,6 +9,7 @@ import queue
 import signal
 import threading
 import time as clock
+import warnings
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Future, ProcessPoolExecutor, wait
@@ -18,6 +19,7 @@ from typing import Any
 
 from catalogs.engines.engine import ONE_THREAD, TICK_SECONDS
 from catalogs.engines.stopping import StopRequested, stop_requested
+from catalogs.plugins import PluginWarning
 
 KILLED = "its worker process was killed, twice; if memory ran out, take fewer workers"
 GRACE_SECONDS = 10.0
@@ -192,6 +194,7 @@ def _start_worker(reports: Any, stop: Any) -> None:
     global _parent
     _parent = reports, stop
     reports.cancel_join_thread()  # never wait at the end for someone to read
+    warnings.simplefilter("ignore", PluginWarning)  # the parent gives them
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches the whole group; the parent asks us to stop
     threading.Thread(target=_leave_with_parent, args=(stop,), daemon=True).start()
 

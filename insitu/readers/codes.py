@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-import warnings
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 
@@ -31,14 +32,39 @@ def _joined(plugged: tuple[tuple[str, object], ...]) -> tuple[Reader, ...]:
     joined = {reader.name: reader for reader in OURS}
     for name, reader in plugged:
         if not isinstance(reader, Reader):
-            problem = f"it is a {type(reader).__name__}, not an insitu.readers.reader.Reader"
+            problem = f"its type is {type(reader).__name__}, not insitu.readers.reader.Reader"
         elif reader.name in joined:
             problem = f"there is a reader {reader.name!r} already"
         else:
-            joined[reader.name] = reader
+            joined[reader.name] = replace(reader, recognizes=_Recognition(name, reader.recognizes))
             continue
-        warnings.warn(f"{name!r} in {plugins.READERS} is left out: {problem}", stacklevel=3)
+        plugins.leave_out(name, plugins.package_of(name, plugins.READERS), plugins.READERS, problem)
     return tuple(joined.values())
+
+
+@dataclass
+class _Recognition:
+    """The recognition of files by another package's reader: false for all once it has failed, which is said then."""
+
+    name: str
+    recognizes: Callable[[Path], bool]
+    failed: bool = False
+
+    def __call__(self, path: Path) -> bool:
+        if self.failed:
+            return False
+        try:
+            return bool(self.recognizes(path))
+        except Exception as error:
+            self.failed = True
+            package, problem = plugins.package_of(self.name, plugins.READERS), f"{type(error).__name__}: {error}"
+            plugins.leave_out(
+                self.name,
+                package,
+                plugins.READERS,
+                f"its recognizes failed for {path}: {problem}; --reader names it still",
+            )
+            return False
 
 
 def reader_named(name: str) -> Reader:

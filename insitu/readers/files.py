@@ -116,11 +116,12 @@ def _of_code(
     if sampling != Sampling() and not code.samples:
         raise ValueError(f"files of {code.name} are not resampled: leave {', '.join(sampling.identity)} out")
     if code.opens is not None:
-        index = index or code.records(path, sampling)[0].index
-        with code.opens(path) as arrays:
+        index = index or code.states(path, sampling)[0].index
+        with code.reading(path), code.opens(path) as arrays:
             return placed_field(arrays, volume(arrays, array, len(index)), index, location)
-    assert code.read is not None
-    found = code.read(path, array, index, sampling)
+    with code.reading(path):
+        assert code.read is not None, "it has neither read nor opens"
+        found = code.read(path, array, index, sampling)
     if other := [name for name in _given(location) if not _is_said(found, name, getattr(location, name))]:
         raise ValueError(
             f"files of {code.name} say where their values lie: leave {', '.join(other)} out; this one has "

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from contextlib import AbstractContextManager
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
+from catalogs.engines.stopping import StopRequested
 from insitu.readers.arrays import Arrays
 
 INTERPOLATIONS = ("nearest", "linear")
@@ -110,6 +114,34 @@ class Reader:
     grows: bool = False
     samples: bool = False
     units: Mapping[str, str] = field(default_factory=dict)
+
+    @contextmanager
+    def reading(self, path: Path) -> Iterator[None]:
+        """Turns what a reader should not raise into ValueError that names it; ValueError, OSError and ImportError pass."""
+        try:
+            yield
+        except (ValueError, OSError, ImportError, StopRequested):
+            raise
+        except Exception as error:
+            raise ValueError(
+                f"{path}: the reader {self.name!r} failed: {type(error).__name__}: {' '.join(str(error).split())}"
+            ) from error
+
+    def states(self, path: Path, sampling: Sampling) -> list[StoredState]:
+        """The states in a file, at least one; raises ValueError where the reader gives something else."""
+        with self.reading(path):
+            found = list(self.records(path, sampling))
+        if not found:
+            raise ValueError(f"{path}: the reader {self.name!r} finds no state in it")
+        for state in found:
+            if not isinstance(state, StoredState):
+                raise ValueError(
+                    f"{path}: the reader {self.name!r} finds {type(state).__name__} in place of a StoredState"
+                )
+            for name, value in state.says.items():
+                if not isinstance(value, int | float | np.number) or not math.isfinite(value):
+                    raise ValueError(f"{path}: its {name} must be a finite number, got {value!r}")
+        return found
 
 
 def chosen_array(array: str | None, names: Sequence[str], what: str = "the file") -> str:

@@ -16,6 +16,8 @@ from insitu.readers.reader import Reader, Sampling, StoredState
 from insitu.readers.tables import MemberTable, TableRow, distinct
 
 LOOKED_AT = 16  # files, spread over all, that show of which code they are
+COUNTERS = {"step", "iteration", "snapshot", "cycle"}  # numbers of states that count what was written, or computed
+TIMES = {"time", "t", "redshift"}
 SAME = 1e-9  # relative deviation at which a number of a table still names the state of a file
 
 
@@ -104,11 +106,13 @@ def with_states(
     seen: set[tuple[object, ...]] = set()
     firsts: dict[Path, Path] = {}  # of every file that belongs to another's
     lacking: list[tuple[Path, StoredState]] = []
+    repeated: list[str] = []
     for row in table.rows:
         if row.path not in firsts:
             firsts |= _first_files(row.path, reader)
         first = firsts[row.path]
-        for record in _states(first, row.parameters, reader, sampling):
+        records = _states(first, row.parameters, reader, sampling)
+        for record in records if COUNTERS & set(wanted) else _last(records, first, repeated):
             key = (first, record.index, *row.parameters.values())
             if record.lacks(arrays):
                 lacking.append((first, record))
@@ -116,6 +120,10 @@ def with_states(
                 seen.add(key)
                 rows.append(replace(row, path=first, index=record.index))
                 stated.append(record.says)
+    if repeated:
+        warnings.warn(
+            f"{len(repeated)} states stand twice in a file, the later one is taken: {repeated[0]}", stacklevel=2
+        )
     if lacking:
         _warn_of_lacking(lacking, len(rows), arrays)
     chosen = _chosen(rows, stated, wanted)
@@ -155,16 +163,17 @@ def files_beside(path: Path, name: str, sampling: Sampling) -> tuple[Path, ...]:
 def _first_files(path: Path, reader: Reader) -> dict[Path, Path]:
     """The file that stands for all that belong to one, by each of these."""
     try:
-        parts = reader.files(path)
+        with reader.reading(path):
+            parts = reader.files(path)
     except (OSError, ValueError) as error:
-        raise ValueError(f"{path}: {error}") from None
+        raise ValueError(f"{path}: {str(error).removeprefix(f'{path}: ')}") from None
     return dict.fromkeys([path, *parts], parts[0] if parts else path)
 
 
 def _states(path: Path, given: Mapping[str, float], reader: Reader, sampling: Sampling) -> list[StoredState]:
     """The states of a file that a row means."""
     try:
-        found = list(reader.records(path, sampling))
+        found = reader.states(path, sampling)
     except (OSError, ValueError) as error:
         raise ValueError(f"{path}: {str(error).removeprefix(f'{path}: ')}") from None
     if len(found) == 1:
@@ -176,6 +185,25 @@ def _states(path: Path, given: Mapping[str, float], reader: Reader, sampling: Sa
             f"{path}: none of its {len(found)} states has {dict(given)}; the first says {dict(found[0].says)}"
         )
     return meant
+
+
+def _last(records: Sequence[StoredState], path: Path, repeated: list[str]) -> list[StoredState]:
+    """The states of a file, of those that only a counter tells apart the last: a run that was restarted wrote them again.
+
+    The others are added to `repeated`, in words.
+    """
+    names = {name for record in records for name in record.says if name not in COUNTERS}
+    names = {name for name in names if len({record.says.get(name) for record in records}) > 1}
+    if not names & TIMES:
+        return list(records)
+    kept: dict[object, StoredState] = {}
+    for record in records:
+        numbers = {name: value for name, value in record.says.items() if name in names}
+        key = tuple(numbers.items())
+        if key in kept:
+            repeated.append(f"{', '.join(f'{name} {value:g}' for name, value in numbers.items())} in {path}")
+        kept[key] = record
+    return list(kept.values())
 
 
 def _is_same(said: float | None, given: float) -> bool:

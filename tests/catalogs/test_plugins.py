@@ -26,7 +26,7 @@ def test_one_that_does_not_load_leaves_the_others(tmp_path: Path, monkeypatch: p
     install(tmp_path, "broken", {GROUP: points}, "GOOD = 1\n")
     monkeypatch.syspath_prepend(str(tmp_path))
     with pytest.warns(
-        UserWarning, match=r"'bad' of broken in gs_surrogate.readers is left out, it does not load: Attr"
+        UserWarning, match=r"'bad' of broken in gs_surrogate.readers is left out: it does not load: Attr"
     ):
         found = plugins(GROUP)
     assert found["good"] == 1

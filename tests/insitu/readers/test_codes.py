@@ -70,7 +70,7 @@ def test_another_packages_reader_renders_its_dumps(
         ("raise RuntimeError('no licence')", "'theirs' of their_code in .* does not load: RuntimeError: no licence"),
         (
             "READER = 7",
-            "'theirs' in gs_surrogate.readers is left out: it is a int, not an insitu.readers.reader.Reader",
+            "'theirs' of their_code in gs_surrogate.readers is left out: its type is int, not insitu.readers.reader.Reader",
         ),
         ("from insitu.readers.amrex import READER", "'theirs' .* there is a reader 'amrex' already"),
     ],
@@ -83,5 +83,87 @@ def test_a_broken_package_is_named_in_one_sentence(
     monkeypatch.delitem(sys.modules, "their_code", raising=False)
     with pytest.warns(UserWarning, match=sentence) as caught:
         listed = listed_readers()
-    assert len(caught) == 1
+    assert [Path(warning.filename) for warning in caught] == [Path(__file__)]
     assert "theirs" not in listed
+
+
+FAILING = """
+from insitu.readers.reader import Reader, StoredState
+
+def recognizes(path):
+    {recognizes}
+
+def records(path, sampling):
+    {records}
+
+def read(path, array, index, sampling):
+    {read}
+
+READER = Reader("theirs", "their files", recognizes, records, read)
+"""
+SOUND = {
+    "recognizes": "return path.suffix == '.theirs'",
+    "records": "return [StoredState((), {'time': float(path.stem)})]",
+    "read": "return None",
+}
+
+
+def with_their_reader(folder: Path, monkeypatch: pytest.MonkeyPatch, **parts: str) -> list[str]:
+    """Two dumps and their reader; the command that renders them."""
+    install(
+        folder,
+        "their_code",
+        {"gs_surrogate.readers": {"theirs": "their_code:READER"}},
+        FAILING.format(**{**SOUND, **parts}),
+    )
+    monkeypatch.syspath_prepend(str(folder))
+    monkeypatch.setenv("PYTHONPATH", str(folder))
+    monkeypatch.delitem(sys.modules, "their_code", raising=False)
+    for number in range(3):
+        np.save(folder / f"run_{number}.npy", np.random.default_rng(number).random((4, 5, 6)))
+        (folder / f"{number}.theirs").touch()
+    (folder / "look.toml").write_text('[[appearance]]\nkind = "isosurface"\nname = "surface"\nisovalue = 0.5\n')
+    catalog = ["--catalog", str(folder / "a.cdb"), "--appearance", str(folder / "look.toml"), "--size", "8"]
+    return [*catalog, "--workers", "1"]
+
+
+def test_a_reader_that_cannot_tell_files_is_left_out_and_named_once(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    command = with_their_reader(tmp_path, monkeypatch, recognizes="raise RuntimeError('no licence')")
+    with pytest.warns(UserWarning, match=r"'theirs' of their_code in .* its recognizes failed .* no licence") as caught:
+        result = CliRunner().invoke(main, ["ensemble", str(tmp_path / "run_{n}.npy"), *command, "--spacing", *"111"])
+    assert result.exit_code == 0, result.output
+    assert len([warning for warning in caught if "theirs" in str(warning.message)]) == 1
+    assert "no licence" not in capfd.readouterr().err  # of the workers
+    assert len(Catalog.open(tmp_path / "a.cdb").members) == 3
+    named = CliRunner().invoke(main, ["probe", str(tmp_path / "1.theirs"), "--reader", "theirs"])
+    assert "Error: " in named.output  # what `read` gives is no field
+
+
+@pytest.mark.parametrize(
+    ("parts", "sentence"),
+    [
+        ({"records": "return {}['time']"}, "0.theirs: the reader 'theirs' failed: KeyError: 'time'"),
+        (
+            {"records": "return None"},
+            "0.theirs: the reader 'theirs' failed: TypeError: 'NoneType' object is not iterable",
+        ),
+        ({"records": "return []"}, "0.theirs: the reader 'theirs' finds no state in it"),
+        ({"records": "return [{'time': 1}]"}, "0.theirs: the reader 'theirs' finds dict in place of a StoredState"),
+        (
+            {"records": "return [StoredState((), {'time': float('nan')})]"},
+            "0.theirs: its time must be a finite number, got nan",
+        ),
+        ({"read": "return [][0]"}, "0.theirs: the reader 'theirs' failed: IndexError: list index out of range"),
+        ({"read": "assert False, 'never'"}, "0.theirs: the reader 'theirs' failed: AssertionError: never"),
+    ],
+)
+def test_what_a_reader_should_not_raise_names_it_in_one_sentence(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, parts: dict[str, str], sentence: str
+) -> None:
+    command = with_their_reader(tmp_path, monkeypatch, **parts)
+    result = CliRunner().invoke(main, ["ensemble", *(str(tmp_path / f"{n}.theirs") for n in range(2)), *command])
+    assert result.exit_code == 1
+    assert sentence in " ".join(result.output.split())
+    assert "Traceback" not in result.output

@@ -61,6 +61,34 @@ def test_a_pattern_may_name_every_rank_and_leave_the_step_to_the_files(tmp_path:
     )  # which is the step
 
 
+def one_file(*states: dict[str, float]) -> Reader:
+    """A reader whose every file has these states."""
+    records = [StoredState((i,), says) for i, says in enumerate(states)]
+    return Reader("code", "a code's files", Path.is_file, lambda path, sampling: records, lambda *all: None)
+
+
+def test_a_time_that_stands_twice_is_said_once_and_the_later_state_taken(tmp_path: Path) -> None:
+    times = (0.0, 0.5, 1.0, 0.5, 1.0, 1.5)  # a run that was restarted after its second output
+    reader = one_file(*({"time": time, "step": float(i), "Re": 100.0} for i, time in enumerate(times)))
+    table = MemberTable((TableRow(tmp_path / "a.h5", {}),), {})
+    with pytest.warns(UserWarning, match=r"2 states stand twice in a file, .*: time 0.5 in .*a.h5") as caught:
+        found = with_states(table, reader, Sampling())
+    assert len(caught) == 1
+    assert [(row.index, dict(row.parameters)) for row in found.rows] == [
+        ((i,), {"time": time}) for i, time in ((0, 0.0), (3, 0.5), (4, 1.0), (5, 1.5))
+    ]
+    assert len(with_states(table, reader, Sampling(), ["step"]).rows) == 6  # as was asked for
+
+
+def test_equal_numbers_of_other_states_are_no_repetition(tmp_path: Path) -> None:
+    for reader in (
+        one_file(*({"residual": 0.5 - 0.5 * (i == 0), "step": float(i)} for i in range(4))),
+        one_file(*({"Re": 100.0, "step": float(i)} for i in range(4))),
+        one_file(*({"time": float(i % 2), "trajectory": float(i // 2)} for i in range(4))),
+    ):
+        assert len(with_states(MemberTable((TableRow(tmp_path, {}),), {}), reader, Sampling()).rows) == 4
+
+
 def test_a_table_may_leave_parameters_to_the_files(tmp_path: Path) -> None:
     dumps(tmp_path)
     (tmp_path / "t.csv").write_text("path,split\nclover.00001.00000.vtk,train\nclover.00002.00020.vtk,test\n")
