@@ -49,7 +49,7 @@ train: dataset
 	$(BIN)/surrogate train scenes/$(SCENE).toml --runs $(RUNS)
 	$(BIN)/surrogate evaluate scenes/$(SCENE).toml --runs $(RUNS)
 
-# The same, and in the report what the same Gaussians could reach at all: it takes as long as training again.
+# The same, and what the same Gaussians could reach for one member alone: it takes as long as training again.
 evaluate: dataset
 	$(BIN)/surrogate train scenes/$(SCENE).toml --runs $(RUNS)
 	$(STUDY) ceiling scenes/$(SCENE).toml --runs $(RUNS) --records $(RUNS)

@@ -67,8 +67,8 @@ def repeat(scene: Path, runs: Path, records: Path | None, seeds: int, engine: st
     studied, line = StudiedRun.open(scene, runs, records), ProgressLine()
     opened = studied.run
     from research.studies.repeats.run import repeat as run
+    from research.studies.repeats.seeds import Scores, summarize_repeats
     from research.studies.repeats.table import terminal_lines, write_page
-    from surrogate.report.seeds import Scores, summarize_repeats
 
     def tell(scores: Scores) -> None:
         line.close()
@@ -248,8 +248,8 @@ def ceiling(scene: Path, runs: Path, records: Path | None) -> None:
     studied = StudiedRun.open(scene, runs, records)
     opened = studied.run
     from research.studies.upper_bound import line, measure_upper_bound
+    from research.studies.upper_bound_records import FOLDER
     from surrogate.model import Surrogate
-    from surrogate.report.upper_bounds import FOLDER
 
     surrogate = load_surrogate(opened.model) if Surrogate.exists(opened.model) else None
     with one_line_errors(), ProgressLine() as shown:

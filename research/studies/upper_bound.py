@@ -16,6 +16,7 @@ from typing import Any
 from catalogs.store.catalog import Catalog, Member
 from catalogs.vocabulary.variations import Variation
 from research.studies.progress import StudyProgress, StudyWatch
+from research.studies.upper_bound_records import FOLDER, KIND, VERSION, entry_of
 from surrogate.appearance.field_gaussians import AnyGaussians
 from surrogate.evaluation.cases import Case
 from surrogate.evaluation.predictor import SurrogatePredictor
@@ -25,7 +26,6 @@ from surrogate.lighting import Lighting
 from surrogate.model import DeformedGaussians, Surrogate
 from surrogate.provenance import code
 from surrogate.rasterizer import Rasterizer
-from surrogate.report.upper_bounds import FOLDER, KIND, VERSION, entry_of
 from surrogate.settings import TrainingSettings
 from surrogate.splatting.cuda import chosen_device
 from surrogate.splatting.threads import one_torch_thread
@@ -206,7 +206,7 @@ def _fitted_alone(
         "train_views": len(subject.views("train")),
         "test_views": len(subject.cases()),
         "seconds": time.perf_counter() - started,
-        **means_of(lambda **_: still, source.catalog, subject.cases()),
+        **means_of(lambda _: still, source.catalog, subject.cases()),
     }
 
 

@@ -20,8 +20,7 @@ from surrogate.command_line import RUNS, SCENE, OpenRun, load_surrogate
 @click.option(
     "--records",
     type=click.Path(path_type=Path),
-    help="Folder where the figures of all scenes are kept, and seeds and upper bounds that the report shows beside them.  "
-    "[default: the run's folder]",
+    help="Folder where the figures of all scenes are stored.  [default: the run's folder]",
 )
 def evaluate(scene: Path, runs: Path, records: Path | None) -> None:
     """Write the report of the surrogate of a SCENE or a RUN: tables, pictures, report.json."""
@@ -35,14 +34,14 @@ def evaluate(scene: Path, runs: Path, records: Path | None) -> None:
 
     if text := tests_line(opened.catalog):
         click.echo(f"  {text}")
-    page, beside = opened.folder / "report" / "report.md", None if records is None else records / opened.name
-    kept = beside or opened.folder, opened.settings.seed
+    page = opened.folder / "report" / "report.md"
+    kept = opened.folder if records is None else records / opened.name, opened.settings.seed
     if not Surrogate.exists(opened.model) and is_kept(*kept, fingerprint(opened.settings, opened.catalog), code()):
         click.echo(f"{report_path(*kept)}: nothing to do")
         return
     surrogate = load_surrogate(opened.model)
     made = surrogate.training["fingerprint"], surrogate.training.get("code_version", "")
-    if is_current(page.parent, surrogate, beside) and is_kept(*kept, *made):
+    if is_current(page.parent, surrogate) and is_kept(*kept, *made):
         click.echo(f"{page}: nothing to do")
         return
     from surrogate.evaluation.evaluate import evaluate as run
@@ -57,7 +56,6 @@ def evaluate(scene: Path, runs: Path, records: Path | None) -> None:
             opened.name,
             *judged,
             dataset_seconds=seconds,
-            records=beside,
         )
         save_report(kept[0], surrogate, opened.settings, report, time.process_time() - begun)
     for text in _summary(report):

@@ -22,7 +22,6 @@ from surrogate.evaluation.tables import (
     validation_line,
 )
 from surrogate.provenance import in_words
-from surrogate.report.seeds import seeds_section
 from surrogate.report.variations import variation_section
 
 
@@ -39,8 +38,6 @@ def page(record: Mapping[str, Any], pictures: Mapping[str, str]) -> str:
         *center_table(record, ("views", "parameters")),
         "## Beside trivial predictors",
         *_baselines(record),
-        *_upper_bounds(record),
-        *seeds_section(record["repeats"]),
         "## How fast, how large",
         _costs(record),
         *(block for varied in record["variations"] for block in variation_section(varied, record["unavailable"])),
@@ -101,26 +98,6 @@ def _without_baselines(record: Mapping[str, Any]) -> str:
         "learnt from, at views that it did not see, and nothing of the parameters between them.  "
         "`surrogate train CATALOG --hold-out 0.2` keeps some aside."
     )
-
-
-def _upper_bounds(record: Mapping[str, Any]) -> list[str]:
-    """The per-member upper bound: the same Gaussians, fitted to one unseen member alone."""
-    if not record["ceilings"]:
-        return []
-    return [
-        "## Beside the per-member upper bound",
-        "As many Gaussians, fitted for as many steps to one member alone, on the same test views of that member: an unseen one, "
-        "or a training member where the data set has no unseen one with views to learn from.",
-        table_of(
-            record["ceilings"],
-            ("appearance", lambda entry: entry["appearance"]),
-            ("member", lambda entry: f"{entry['member']} ({'unseen' if entry['split'] == 'test' else 'seen'})"),
-            metric_column("fitted alone (dB)", "psnr"),
-            metric_column("surrogate (dB)", "surrogate", "psnr"),
-            metric_column("SSIM alone", "ssim"),
-            metric_column("SSIM", "surrogate", "ssim"),
-        ),
-    ]
 
 
 def _costs(record: Mapping[str, Any]) -> str:

@@ -15,29 +15,17 @@ from surrogate.model import Surrogate
 from surrogate.report import figures
 from surrogate.report.decided import decided_on
 from surrogate.report.page import page
-from surrogate.report.seeds import Scores, load_scores
 from surrogate.report.summary import fingerprint, summarize
-from surrogate.report.upper_bounds import load_upper_bounds
 from surrogate.storage.records import read_json
 from surrogate.training.messages import learnt_line, members_line, tests_line
 
 RECORD = "report.json"
 
 
-def is_current(directory: Path, surrogate: Surrogate, records: Path | None = None) -> bool:
-    """True if `directory` holds a report of exactly this surrogate and of all that `write_report` would show beside it."""
-    found = (read_json(directory / RECORD) or {}).get("fingerprint")
-    beside = _beside(surrogate, directory.parent, records)
-    return bool(found == fingerprint(surrogate, PerceptualMetrics.load().unavailable, *beside))
-
-
-def _beside(surrogate: Surrogate, *folders: Path | None) -> tuple[list[dict[str, Any]], list[Scores]]:
-    """The stored upper bounds and seeds of the surrogate's settings and data."""
-    mark, known = surrogate.training["fingerprint"], [folder for folder in folders if folder is not None]
-    upper_bounds = [entry for folder in known for entry in load_upper_bounds(folder)]
-    own = {e["appearance"]: e for e in upper_bounds if (e["surrogate"] or {}).get("fingerprint") == mark}
-    seeds = {scores.seed: scores for folder in known for scores in load_scores(folder, base=mark)}
-    return list(own.values()), [seeds[seed] for seed in sorted(seeds)]
+def is_current(directory: Path, surrogate: Surrogate) -> bool:
+    """True if `directory` holds a report of exactly this surrogate with all metrics that can be computed here."""
+    stored = (read_json(directory / RECORD) or {}).get("fingerprint")
+    return bool(stored == fingerprint(surrogate, PerceptualMetrics.load().unavailable))
 
 
 def write_report(
@@ -48,16 +36,9 @@ def write_report(
     evaluation: Evaluation,
     *,
     dataset_seconds: float | None = None,
-    records: Path | None = None,
 ) -> dict[str, Any]:
-    """Write the report into `directory`, which appears whole, replacing an earlier one; returns `report.json`'s contents.
-
-    Upper bounds and seeds of the same settings and data are taken from the folder around `directory`, and from `records`.
-    """
-    upper_bounds, repeats = _beside(surrogate, directory.parent, records)
-    record = summarize(
-        scene, surrogate, evaluation, dataset_seconds=dataset_seconds, upper_bounds=upper_bounds, repeats=repeats
-    )
+    """Write the report into `directory`, which appears whole, replacing an earlier one; returns `report.json`'s contents."""
+    record = summarize(scene, surrogate, evaluation, dataset_seconds=dataset_seconds)
     variations = [v.variation for v in surrogate.visualizations]
     learnt = learnt_line(catalog.plan, str(surrogate.training["appearance"]), variations)
     record["ensemble"] = {"learnt": learnt, "members": members_line(catalog), "tests": tests_line(catalog)}

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from datetime import UTC, datetime
 from typing import Any
 
@@ -16,41 +16,21 @@ from surrogate.evaluation.tables import ALL_METRICS, cell_means, cell_tables, le
 from surrogate.evaluation.trivial.settings import TrainedSettings
 from surrogate.model import Surrogate
 from surrogate.provenance import commit, machine
-from surrogate.report.seeds import Scores, summarize_repeats
 
 CONTENTS = 2  # what else stands in a report; the scores, and what is kept of seeds, change with VERSION alone
 
 
-def fingerprint(
-    surrogate: Surrogate,
-    unavailable: Iterable[str],
-    upper_bounds: Sequence[Mapping[str, Any]] = (),
-    repeats: Sequence[Scores] = (),
-) -> str:
-    """Changes with the model, its catalog, the evaluation's version, the metrics that can't be had, and what stands beside."""
-    training, limits = surrogate.training, [f"{entry['appearance']}={entry['psnr']}" for entry in upper_bounds]
-    seeds = [f"{scores.seed}={scores.fingerprint}" for scores in repeats if len(repeats) > 1]
-    marks = [
-        f"{VERSION}.{CONTENTS}",
-        training["fingerprint"],
-        str(training["seconds"]),
-        *sorted(unavailable),
-        *limits,
-        *seeds,
-    ]
+def fingerprint(surrogate: Surrogate, unavailable: Iterable[str]) -> str:
+    """Changes with the model, its catalog, the evaluation's version, and the metrics that can't be computed here."""
+    training = surrogate.training
+    marks = [f"{VERSION}.{CONTENTS}", training["fingerprint"], str(training["seconds"]), *sorted(unavailable)]
     return ":".join(marks)
 
 
 def summarize(
-    scene: str,
-    surrogate: Surrogate,
-    evaluation: Evaluation,
-    *,
-    dataset_seconds: float | None,
-    upper_bounds: Sequence[Mapping[str, Any]] = (),
-    repeats: Sequence[Scores] = (),
+    scene: str, surrogate: Surrogate, evaluation: Evaluation, *, dataset_seconds: float | None
 ) -> dict[str, Any]:
-    """An evaluation with what made it, and the upper bounds and seeds beside it."""
+    """An evaluation with what made it."""
     judged = [s for row in evaluation.cells.values() for s in row["unseen_parameters"]]
     middle = surrogate.space.middle
     return {
@@ -58,7 +38,7 @@ def summarize(
         "commit": commit(),
         "machine": machine(),
         "made": datetime.now(UTC).isoformat(timespec="seconds"),
-        "fingerprint": fingerprint(surrogate, evaluation.unavailable, upper_bounds, repeats),
+        "fingerprint": fingerprint(surrogate, evaluation.unavailable),
         "seed": surrogate.training["settings"]["seed"],
         "seconds": {
             "dataset": dataset_seconds,
@@ -72,8 +52,6 @@ def summarize(
         "unavailable": dict(evaluation.unavailable),
         "empty_images": sum(math.isnan(s.score.psnr_foreground) for s in judged),
         "trivial_predictors": [_member_baseline(baseline) for baseline in evaluation.baselines],
-        "ceilings": [dict(entry) for entry in upper_bounds],
-        "repeats": summarize_repeats(repeats),
         "variations": [_variation(v, middle) for v in evaluation.variations],
         "choices": surrogate.training.get("choices", []),
         "settings": surrogate.training["settings"],

@@ -1,15 +1,12 @@
-"""Scenes whose pictures are blobs, with their data sets and upper bounds."""
+"""Scenes whose pictures are blobs, with their data sets."""
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 from catalogs.store.catalog import Catalog, CatalogPlan
 from catalogs.vocabulary.appearance import ImportedImages
-from surrogate.report import upper_bounds
 from surrogate.settings import TrainingSettings
-from surrogate.storage.records import Provenance, Record
 from tests.support.blobs import Blobs
 
 MACHINE = {"processor": "abacus", "cores": 2, "system": "wood"}
@@ -48,29 +45,3 @@ def make_catalog(root: Path, name: str) -> Catalog:
             for view, camera in enumerate(cameras):
                 writer.write_image("drawn", view, BLOBS.picture(p, camera))
     return Catalog.open(catalog.path)
-
-
-def upper_bound_entry(mark: str, psnr: float, appearance: str = "drawn", **parameters: float) -> dict[str, Any]:
-    """An upper bound, beside a surrogate half a dB behind."""
-    return {
-        "member": "test-0",
-        "split": "test",
-        "appearance": appearance,
-        "parameters": {"p": 0.7, **parameters},
-        "seed": 0,
-        "psnr": psnr,
-        "ssim": 0.9,
-        "commit": "c0ffee",
-        "machine": MACHINE,
-        "surrogate": {"fingerprint": mark, "psnr": psnr - 0.5, "ssim": 0.8},
-    }
-
-
-def save_upper_bound(records: Path, entry: dict[str, Any]) -> None:
-    """Store an upper bound in the folder of a scene's records."""
-    values = {name: value for name, value in entry.items() if name not in ("commit", "machine")}
-    key = {name: values.pop(name) for name in ("member", "split", "appearance", "parameters", "seed")}
-    record = Record(
-        upper_bounds.KIND, upper_bounds.VERSION, key, values, Provenance(entry["commit"], "", entry["machine"])
-    )
-    record.save(records / upper_bounds.FOLDER / f"{entry['appearance']}.json")

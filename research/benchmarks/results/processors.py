@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 from research.benchmarks.results.scenes import SceneResults
 from research.benchmarks.results.sources import made_from
+from research.studies.repeats.seeds import Scores, spread
 from surrogate.evaluation.tables import plain_spread, table
-from surrogate.report.seeds import Scores, spread
 
 HEADER = ("scene", "instructions", "unseen views and parameters, PSNR (dB)", "of all cores together (s)", "seeds")
 TEXT = (

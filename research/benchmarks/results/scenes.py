@@ -15,10 +15,10 @@ from research.benchmarks.splatting.instruction_sets import load as load_instruct
 from research.benchmarks.training.curves.measured import Point
 from research.benchmarks.training.curves.measured import load as load_curve
 from research.benchmarks.training.functions.measured import FunctionScores, load
+from research.studies.repeats.seeds import Scores, load_scores, summarize_repeats
+from research.studies.upper_bound_records import load_upper_bounds
 from surrogate.provenance import code
 from surrogate.report.records import load_report
-from surrogate.report.seeds import Scores, load_scores, summarize_repeats
-from surrogate.report.upper_bounds import load_upper_bounds
 from surrogate.settings import TrainingSettings
 from surrogate.storage.records import Record
 

@@ -21,8 +21,8 @@ from catalogs.store.catalog import Catalog
 from catalogs.vocabulary.scene import Scene
 from research.benchmarks.page import PROJECT, command_line, stopwatch
 from research.studies.repeats.run import repeat
+from research.studies.repeats.seeds import Scores, load_scores
 from surrogate import kernels
-from surrogate.report.seeds import Scores, load_scores
 from surrogate.settings import TrainingSettings
 
 FOLDER = "instruction_sets"  # of a scene's records, and of the models

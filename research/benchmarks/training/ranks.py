@@ -171,7 +171,7 @@ def main(arguments: Sequence[str] | None = None, say: Callable[[str], None] | No
     options.add_argument("--machine", default="", help="the machine, in words")
     options.add_argument("--output", type=Path, default=DOCS, help="folder that holds clusters.md")
     given = options.parse_args(arguments)
-    catalog = with_chosen_splits(Catalog.open(given.catalog), "", None, 0)
+    catalog = with_chosen_splits(Catalog.open(given.catalog), TrainingSettings(), None, 0)
     if given.measure:
         with launched() as ranks:
             figures = measure(catalog, *given.measure, ranks, 8 if given.quick else 200)

@@ -48,7 +48,7 @@ def rows(
         taken = time.process_time() - begun
         width = shown[0].member.cameras[0].width
         of_views = [
-            means_of(lambda still=still, **_: still, opened, shown[0].cases(split)) for split in ("train", "test")
+            means_of(lambda _, still=still: still, opened, shown[0].cases(split)) for split in ("train", "test")
         ]
         decibels = [f"{means['psnr']:.2f}" for means in of_views]
         table_rows.append([f"{width}", f"{number**2}", *decibels, f"{1e3 * taken / steps:.1f}"])

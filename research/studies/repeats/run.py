@@ -14,13 +14,13 @@ from catalogs.engines.engine import Engine
 from catalogs.store.catalog import Catalog
 from research.studies.progress import StudyProgress, StudyWatch
 from research.studies.remote import train_on
+from research.studies.repeats.seeds import FOLDER, Scores, load, load_scores, save
 from surrogate.evaluation.cases import all_cases, base_cells, variation_cells
 from surrogate.evaluation.predictor import SurrogatePredictor
 from surrogate.evaluation.scoring import METRICS, Report, by_cell, score_cases
 from surrogate.evaluation.tables import cell_tables
 from surrogate.model import Surrogate
 from surrogate.provenance import code
-from surrogate.report.seeds import FOLDER, Scores, load, load_scores, save
 from surrogate.settings import TrainingSettings
 from surrogate.splatting.threads import one_torch_thread
 from surrogate.storage.checkpoints import Checkpoint, fingerprint

@@ -8,9 +8,9 @@ from typing import Any
 
 from catalogs.files import durable
 from catalogs.vocabulary.variations import KINDS
+from research.studies.repeats.seeds import FOLDER, Scores, seeds_section, summarize_repeats
 from surrogate.evaluation.scoring import METRICS
 from surrogate.evaluation.tables import HEADINGS, document, metric_number, number, spread_number, table_of
-from surrogate.report.seeds import FOLDER, Scores, seeds_section, summarize_repeats
 
 PAGE = "seeds.md"
 

@@ -1,6 +1,5 @@
 """Folders of records, as the commands of the studies choose them."""
 
-import json
 import re
 import subprocess
 import sys
@@ -10,8 +9,9 @@ import pytest
 
 from research.studies.__main__ import main
 from research.studies.commands import StudiedRun
+from research.studies.repeats.seeds import load_scores
+from research.studies.upper_bound_records import load_upper_bounds
 from surrogate.command_line import RESULTS
-from surrogate.report.seeds import load_scores
 from tests.research.support.commands import invoked
 from tests.support.results import make_catalog, make_scene
 
@@ -43,7 +43,7 @@ def test_records_lie_in_research_where_that_is_and_results_in_runs(
 
 
 @pytest.mark.slow
-def test_a_report_shows_what_studies_measured(tmp_path: Path) -> None:
+def test_studies_store_what_they_measured(tmp_path: Path) -> None:
     scene, _ = make_scene(tmp_path, "blobs"), make_catalog(tmp_path, "blobs")
 
     def call(*words: str) -> str:
@@ -55,8 +55,5 @@ def test_a_report_shows_what_studies_measured(tmp_path: Path) -> None:
     assert "drawn of test-0, fitted alone" in call("ceiling")
     call("repeat", "--seeds", "2")
     assert len(load_scores(tmp_path / "runs/blobs")) == 2
-    call("evaluate")
-    report = json.loads((tmp_path / "runs/blobs/report/report.json").read_text())
-    assert report["repeats"]["seeds"] == [0, 1]
-    assert [entry["appearance"] for entry in report["ceilings"]] == ["drawn"]
-    assert "fitted alone" in (tmp_path / "runs/blobs/report/report.md").read_text()
+    assert [entry["appearance"] for entry in load_upper_bounds(tmp_path / "runs/blobs")] == ["drawn"]
+    assert "over 2 seeds" in (tmp_path / "runs/blobs/seeds/seeds.md").read_text()

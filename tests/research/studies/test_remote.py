@@ -26,7 +26,7 @@ from research.studies.comparison.task import ComparisonTask
 from research.studies.progress import StudyProgress
 from research.studies.remote import OnOneCore, train_on
 from research.studies.repeats.run import repeat
-from surrogate.report.seeds import Scores
+from research.studies.repeats.seeds import Scores
 from surrogate.settings import TrainingSettings
 from surrogate.splatting.threads import cores
 from surrogate.storage.checkpoints import CHECKPOINT

@@ -9,9 +9,9 @@ from catalogs.store.catalog import Catalog
 from research.studies import upper_bound as module
 from research.studies.progress import StudyProgress
 from research.studies.upper_bound import UpperBoundSubject, line, measure_upper_bound, subjects
+from research.studies.upper_bound_records import load_upper_bounds
 from surrogate.initialization.pictures import central_member
 from surrogate.model import Surrogate
-from surrogate.report.upper_bounds import load_upper_bounds
 from surrogate.settings import TrainingSettings
 from surrogate.training.source import Source
 from tests.support.blobs import Blobs

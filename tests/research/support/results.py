@@ -8,26 +8,25 @@ from pathlib import Path
 from typing import Any
 
 from catalogs.store.catalog import Catalog
+from research.studies import upper_bound_records
 from research.studies.ablation.experiments import BaseExperiment
 from research.studies.ablation.records import DECIDING, Records
 from research.studies.ablation.variants import VARIANTS
+from research.studies.repeats.seeds import save
 from surrogate.evaluation.cases import PARAMETERS, SETTINGS, VIEWS
 from surrogate.evaluation.evaluate import VERSION
 from surrogate.evaluation.scoring import METRICS, PERCEPTUAL_METRICS
 from surrogate.provenance import code
 from surrogate.report.records import report_path
-from surrogate.report.seeds import save
 from surrogate.storage.checkpoints import fingerprint
 from surrogate.storage.records import Provenance, Record
+from tests.research.support.scores import cells_of, scores_of
 from tests.support.results import (
     MACHINE,
     SETTINGS_OF_SCENE,
     make_catalog,
     make_scene,
-    save_upper_bound,
-    upper_bound_entry,
 )
-from tests.support.scores import cells_of, scores_of
 
 
 def report_of(name: str, mark: str, value: float, *, isovalues: float | None = None) -> dict[str, Any]:
@@ -96,3 +95,33 @@ def make_study(
                 variant, seed, psnr=reached, ssim=0.9, seconds=budget, images=8, deformation_steps=100
             )
             records.save(replace(result, gaussians=20, provenance=Provenance("bead", code(DECIDING), MACHINE)))
+
+
+def upper_bound_entry(mark: str, psnr: float, appearance: str = "drawn", **parameters: float) -> dict[str, Any]:
+    """An upper bound, beside a surrogate half a dB behind."""
+    return {
+        "member": "test-0",
+        "split": "test",
+        "appearance": appearance,
+        "parameters": {"p": 0.7, **parameters},
+        "seed": 0,
+        "psnr": psnr,
+        "ssim": 0.9,
+        "commit": "c0ffee",
+        "machine": MACHINE,
+        "surrogate": {"fingerprint": mark, "psnr": psnr - 0.5, "ssim": 0.8},
+    }
+
+
+def save_upper_bound(records: Path, entry: dict[str, Any]) -> None:
+    """Store an upper bound in the folder of a scene's records."""
+    values = {name: value for name, value in entry.items() if name not in ("commit", "machine")}
+    key = {name: values.pop(name) for name in ("member", "split", "appearance", "parameters", "seed")}
+    record = Record(
+        upper_bound_records.KIND,
+        upper_bound_records.VERSION,
+        key,
+        values,
+        Provenance(entry["commit"], "", entry["machine"]),
+    )
+    record.save(records / upper_bound_records.FOLDER / f"{entry['appearance']}.json")

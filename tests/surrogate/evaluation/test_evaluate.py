@@ -21,11 +21,8 @@ from surrogate.evaluation.metrics import score
 from surrogate.evaluation.scoring import METRICS, mean
 from surrogate.model import Surrogate
 from surrogate.report.report import is_current, write_report
-from surrogate.report.seeds import save
 from surrogate.settings import TrainingSettings
 from surrogate.training.run import train
-from tests.support.results import save_upper_bound, upper_bound_entry
-from tests.support.scores import scores_of
 from tests.support.tables import tables
 
 SETTINGS = TrainingSettings(gaussians=30, canonical_steps=20, deformation_steps=20, validation_interval=10)
@@ -168,46 +165,6 @@ def test_the_report_holds_all_that_it_promises(run: tuple[Surrogate, Catalog, Pa
     assert sorted(p.name for p in folder.iterdir()) == ["catalog.cdb", "report", "surrogate"]
     changed = replace(surrogate, training={**surrogate.training, "fingerprint": "other"})
     assert not is_current(report, changed)
-
-
-@pytest.mark.usefixtures("undrawn")
-@pytest.mark.slow
-def test_an_upper_bound_stands_in_the_report_of_the_surrogate_it_was_measured_beside(
-    run: tuple[Surrogate, Catalog, Path], tmp_path: Path
-) -> None:
-    surrogate, catalog, _ = run
-    evaluation, report = evaluate(surrogate, catalog), tmp_path / "report"
-    assert write_report(report, "disks", surrogate, catalog, evaluation)["ceilings"] == []
-    assert "fitted alone" not in (report / "report.md").read_text()
-    for mark, stands in (("another run", False), (surrogate.training["fingerprint"], True)):
-        save_upper_bound(tmp_path, upper_bound_entry(mark, 37.75, "disk"))
-        assert is_current(report, surrogate) != stands
-        record = write_report(report, "disks", surrogate, catalog, evaluation)
-        assert [entry["appearance"] for entry in record["ceilings"]] == (["disk"] if stands else [])
-        row = "| disk | test-0 (unseen) | 37.75 | 37.25 | 0.9000 | 0.8000 |"
-        assert (row in (report / "report.md").read_text()) == stands
-        assert is_current(report, surrogate)
-
-
-@pytest.mark.usefixtures("undrawn")
-@pytest.mark.slow
-def test_seeds_stand_in_the_report_of_the_surrogate_that_they_repeat(
-    run: tuple[Surrogate, Catalog, Path], tmp_path: Path
-) -> None:
-    surrogate, catalog, _ = run
-    evaluation, report = evaluate(surrogate, catalog), tmp_path / "report"
-    for mark, stands in (("other settings", False), (surrogate.training["fingerprint"], True)):
-        save(tmp_path, scores_of(0, 31.0, base=mark))
-        assert is_current(report, surrogate) == stands  # one seed alone says nothing about their spread
-        save(tmp_path, scores_of(1, 33.0, base=mark))
-        assert not is_current(report, surrogate)
-        record = write_report(report, "disks", surrogate, catalog, evaluation)
-        page = (report / "report.md").read_text()
-        assert ("## Mean ± standard deviation over 2 seeds" in page) == stands
-        assert ("| unseen | unseen | 32.00 ± 1.41 | 32.00 ± 1.41 |" in page) == stands
-        assert (record["repeats"] is not None) == stands
-        assert all(len(set(widths)) == 1 for widths in tables(page))
-        assert is_current(report, surrogate)
 
 
 @pytest.mark.slow

@@ -30,7 +30,7 @@ class Point:
     gaussians, steps : numbers of Gaussians in the model and of steps in all stages.
     megabytes : size of the model, 10^6 bytes.
     seconds, processor_seconds : training time on the wall, and of all cores together.
-    cells, variations : means by metric over the test images, as `surrogate.report.seeds.Scores` has them.
+    cells, variations : means by metric over the test images, as `research.studies.repeats.seeds.Scores` has them.
     evaluation : version of the evaluation that scored it.
     """
 

@@ -5,11 +5,10 @@ from pathlib import Path
 from research.benchmarks.results.parts import parts_of
 from research.benchmarks.results.quality import quality_tables
 from research.benchmarks.results.scenes import SceneResults
+from research.studies.repeats.seeds import summarize_repeats
 from surrogate.evaluation.cases import SETTINGS
-from surrogate.report.seeds import summarize_repeats
-from tests.research.support.results import report_of
-from tests.support.results import upper_bound_entry
-from tests.support.scores import cells_of, scores_of
+from tests.research.support.results import report_of, upper_bound_entry
+from tests.research.support.scores import cells_of, scores_of
 
 TITLES = [
     "Novel views",

@@ -11,11 +11,11 @@ from catalogs.store.catalog import Catalog
 from research.studies.progress import StudyProgress
 from research.studies.repeats import run as module
 from research.studies.repeats.run import STAGE, repeat, score_model
+from research.studies.repeats.seeds import Scores, load, scores_path
 from surrogate.evaluation.evaluate import evaluate
 from surrogate.evaluation.scoring import METRICS, mean
 from surrogate.model import Surrogate
 from surrogate.provenance import code
-from surrogate.report.seeds import Scores, load, scores_path
 from surrogate.settings import TrainingSettings
 from surrogate.training.run import train
 from tests.research.support.commands import invoked
@@ -274,7 +274,7 @@ deformation_steps = 6
 
 
 @pytest.mark.usefixtures("undrawn")
-def test_the_command_prints_and_writes_the_table_and_the_report_shows_it(catalog: Catalog, tmp_path: Path) -> None:
+def test_the_command_prints_and_writes_the_table(catalog: Catalog, tmp_path: Path) -> None:
     scene = tmp_path / "scene.toml"
     scene.write_text(TOML)
 
@@ -284,8 +284,6 @@ def test_the_command_prints_and_writes_the_table_and_the_report_shows_it(catalog
         return result.output
 
     call("train")
-    assert "report.md (" in call("evaluate")
-    assert "deviation" not in (tmp_path / "run/report/report.md").read_text().split("## Beside")[0]
     output = call("repeat", "--seeds", "2")
     assert "seed 1: " in output
     assert "mean ± standard deviation over 2 seeds" in output
@@ -294,11 +292,6 @@ def test_the_command_prints_and_writes_the_table_and_the_report_shows_it(catalog
     shown = f"{np.mean(values):.2f} ± {np.std(values, ddof=1):.2f}"
     assert shown in output
     assert shown in (tmp_path / "run/seeds/seeds.md").read_text()
-    assert "report.md (" in call("evaluate")  # anew, for the seeds
-    report = (tmp_path / "run/report/report.md").read_text()
-    assert "## Mean ± standard deviation over 2 seeds" in report
-    assert shown in report
-    assert "nothing to do" in call("evaluate")
 
 
 def test_bad_numbers_of_seeds_are_refused_in_one_line(catalog: Catalog, tmp_path: Path) -> None:

@@ -1,8 +1,8 @@
 from pathlib import Path
 
+from research.studies.repeats.seeds import save, summarize_repeats
 from research.studies.repeats.table import terminal_lines, write_page
-from surrogate.report.seeds import save, summarize_repeats
-from tests.support.scores import scores_of
+from tests.research.support.scores import scores_of
 
 SCORES = [scores_of(0, 30.0, varied=20.0), scores_of(1, 32.0, varied=24.0)]
 

@@ -1,8 +1,8 @@
 import pytest
 
+from research.studies.repeats.seeds import seeds_section, spread, summarize_repeats
 from surrogate.evaluation.scoring import METRICS
-from surrogate.report.seeds import seeds_section, spread, summarize_repeats
-from tests.support.scores import scores_of
+from tests.research.support.scores import scores_of
 
 
 @pytest.mark.parametrize(

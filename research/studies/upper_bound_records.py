@@ -1,4 +1,4 @@
-"""Per-member upper bounds: records of as many Gaussians fitted to one unseen member alone, for reports."""
+"""Per-member upper bounds: records of as many Gaussians fitted to one unseen member alone."""
 
 from __future__ import annotations
 
@@ -20,6 +20,6 @@ def load_upper_bounds(records: Path) -> list[dict[str, Any]]:
 
 
 def entry_of(record: Record) -> dict[str, Any]:
-    """A record as a report shows it, with the machine and the commit that made it."""
+    """A record as tables show it, with the machine and the commit that made it."""
     made = {"machine": dict(record.provenance.machine), "commit": record.provenance.commit}
     return {**{name: value for name, value in record.key.items() if name != "settings"}, **made, **record.values}

@@ -1,4 +1,4 @@
-"""Scores of several seeds, each in a record of its own: means, standard deviations, and the section of a report."""
+"""Scores of several seeds, each in a record of its own: means, standard deviations, and their tables."""
 
 from __future__ import annotations
 

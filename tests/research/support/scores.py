@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
+from research.studies.repeats.seeds import Scores
 from surrogate.evaluation.cases import PARAMETERS, SETTINGS, VIEWS
 from surrogate.evaluation.scoring import METRICS
-from surrogate.report.seeds import Scores
 from surrogate.storage.records import Provenance
 
 

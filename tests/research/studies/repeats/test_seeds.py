@@ -7,9 +7,9 @@ from typing import Any
 import pytest
 
 from catalogs.files import durable
-from surrogate.report import seeds
-from surrogate.report.seeds import load, load_scores, save, scores_path
-from tests.support.scores import scores_of
+from research.studies.repeats import seeds
+from research.studies.repeats.seeds import load, load_scores, save, scores_path
+from tests.research.support.scores import scores_of
 
 
 def test_what_is_kept_is_found_again(tmp_path: Path) -> None:
