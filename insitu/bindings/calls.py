@@ -21,6 +21,13 @@ from insitu.mpi.ranks import SINGLE, RankGroup, all_or_none, ranks_of
 
 DONE, FAILED, UNKNOWN = 0, 1, -1
 LARGEST = 1 << 40  # samples: more is a mistake in a shape
+SETTERS = {
+    "set_parameter": "parameter",
+    "set_grid": "grid",
+    "set_ghosts": "ghosts",
+    "set_field": "field",
+    "copy_field": "field",
+}
 
 
 class LibraryCalls:
@@ -39,7 +46,7 @@ class LibraryCalls:
         self._parameters: dict[str, float] = {}
         self._fields: dict[str, NDArray[Any]] = {}
         self._place: dict[str, Any] = {}
-        self._refused: dict[str, Exception] = {}  # by function, on ranks
+        self._refused: dict[str, BaseException] = {}  # by what was to be set, on ranks
 
     def initialize(self, scene: str, catalog: str, comm: Any = None) -> int:
         """Begin; `comm` is a communicator of mpi4py."""
@@ -72,7 +79,7 @@ class LibraryCalls:
             self._space.values({**others, name: value}, outside="allow")
             self._parameters[name] = value
 
-        return self._set("insitu_set_parameter", take)
+        return self._set("set_parameter", take)
 
     def set_grid(self, spacing: Sequence[float], origin: Sequence[float]) -> int:
         """See insitu.h."""
@@ -81,7 +88,7 @@ class LibraryCalls:
             steps = tuple(numbers.positive(step, "spacing") for step in spacing)
             self._place |= {"spacing": steps, "origin": numbers.row(origin, 3, "origin")}
 
-        return self._set("insitu_set_grid", take)
+        return self._set("set_grid", take)
 
     def set_ghosts(self, layers: Sequence[int]) -> int:
         """See insitu.h."""
@@ -95,7 +102,7 @@ class LibraryCalls:
                 )
             self._place["ghosts"] = tuple(layers)
 
-        return self._set("insitu_set_ghosts", take)
+        return self._set("set_ghosts", take)
 
     def set_field(self, name: str, shape: Sequence[int], values: Callable[[int], NDArray[Any]]) -> int:
         """`values` makes the flat array of that many numbers; `shape` is of (x, y, z)."""
@@ -104,7 +111,7 @@ class LibraryCalls:
             self._check_field(name, tuple(shape))
             self._fields[name] = values(math.prod(shape)).reshape(tuple(shape)[::-1])
 
-        return self._set("insitu_set_field", take)
+        return self._set("set_field", take)
 
     def render(self, time: float) -> int:
         """See insitu.h."""
@@ -139,8 +146,10 @@ class LibraryCalls:
 
         return self._try(end, FAILED)
 
-    def refuse(self, error: BaseException, failed: int = FAILED) -> int:
-        """Keep the text of an error; returns the status `failed`."""
+    def refuse(self, error: BaseException, failed: int = FAILED, function: str = "") -> int:
+        """Keep the text of an error of a function; returns the status `failed`."""
+        if self._ranks is not SINGLE and function in SETTERS:
+            self._refused[SETTERS[function]] = error
         self.error = f"{type(error).__name__}: {error}"
         return failed
 
@@ -172,26 +181,21 @@ class LibraryCalls:
     def _set(self, function: str, take: Callable[[], None]) -> int:
         def work() -> int:
             self._known()
-            try:
-                take()
-            except Exception as error:
-                if self._ranks is not SINGLE:
-                    self._refused[function] = error
-                raise
-            self._refused.pop(function, None)
+            take()
+            self._refused.pop(SETTERS[function], None)
             return DONE
 
-        return self._try(work, FAILED)
+        return self._try(work, FAILED, function)
 
-    def _try(self, work: Callable[[], int], failed: int) -> int:
+    def _try(self, work: Callable[[], int], failed: int, function: str = "") -> int:
         try:
             result, self.error = work(), ""
         except Exception as error:
-            return self.refuse(error, failed)
+            return self.refuse(error, failed, function)
         return result
 
 
-def _fail(error: Exception) -> None:
+def _fail(error: BaseException) -> None:
     raise error
 
 

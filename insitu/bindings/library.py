@@ -21,13 +21,13 @@ def connect(ffi: Any) -> None:
     calls, lock = LibraryCalls(), threading.RLock()
     error_text = ffi.new("char[]", b"")  # C has a pointer to it
 
-    def answering(work: Callable[..., int], failed: int = FAILED) -> Callable[..., int]:
+    def answering(function: str, work: Callable[..., int], failed: int = FAILED) -> Callable[..., int]:
         def answer(*arguments: Any) -> int:
             with lock:
                 try:
                     return work(*arguments) + ANSWER
                 except BaseException as error:
-                    return calls.refuse(error, failed) + ANSWER
+                    return calls.refuse(error, failed, function) + ANSWER
 
         return answer
 
@@ -39,8 +39,8 @@ def connect(ffi: Any) -> None:
 
     functions = _on_pointers(ffi, calls)
     for name, work in functions.items():
-        ffi.def_extern(name=f"insitu_python_{name}", error=0)(answering(work))
-    ffi.def_extern(name="insitu_python_has", error=0)(answering(calls.has, UNKNOWN))
+        ffi.def_extern(name=f"insitu_python_{name}", error=0)(answering(name, work))
+    ffi.def_extern(name="insitu_python_has", error=0)(answering("has", calls.has, UNKNOWN))
     ffi.def_extern(name="insitu_python_error")(error)
 
 

@@ -111,9 +111,11 @@ class Blocks:
         extents = self.ranks.gather(share and share.own)
         if not any(extents):
             raise CollectiveError(ValueError("no rank has a block of the field"))
+        self._check_types(share, names)
         try:
             self._laid = layout(extents)
         except UnevenBlocks as reason:
+            self._check_layers(share, str(reason))
             share, notes = self._on_one_grid(share, names, nan, str(reason))
         except ValueError as error:
             raise CollectiveError(error) from None
@@ -123,6 +125,36 @@ class Blocks:
         self._pieces = pieces_of(self._order)
         self._ranges = {name: _range(self._parts([name])[name], self.ranks) for name in names}
         return BlockFields(self, checked_box(self._laid.whole.bounds), notes, self._ranges, quantities)
+
+    def _check_types(self, share: Share | None, names: Sequence[str]) -> None:
+        """Whole numbers beside others would be taken for whole ones everywhere.  Collective."""
+        everyone = self.ranks.gather(share and share.types)
+        for name in names:
+            first: dict[bool, str] = {}
+            for rank, types in enumerate(everyone):
+                if types and types[name]:
+                    first.setdefault("int" in types[name], f"rank {rank} has {types[name]}")
+            if len(first) > 1:
+                of = f" of field {name!r}" if name else ""
+                found = ", ".join(sorted(first.values()))
+                raise CollectiveError(
+                    ValueError(f"the blocks{of} must have one type of numbers, but {found}: convert them")
+                )
+
+    def _check_layers(self, share: Share | None, reason: str) -> None:
+        """Where blocks of one spacing fill no grid, some may have forgotten their ghost layers.  Collective."""
+        known = [
+            (rank, s) for rank, s in enumerate(self.ranks.gather(share and (share.layers, share.own.spacing))) if s
+        ]
+        (rank, (layers, spacing)), *others = known
+        for other, (theirs, at) in others:
+            if at == spacing and theirs != layers and all(a == b for a, b in (*theirs, *layers)):
+                one, two = ([before for before, _ in sides] for sides in (layers, theirs))
+                raise CollectiveError(
+                    ValueError(
+                        f"the blocks fill no grid ({reason}): ghosts of rank {rank} are {one}, of rank {other} {two}"
+                    )
+                )
 
     def _on_one_grid(
         self, share: Share | None, names: Sequence[str], nan: str, reason: str
@@ -150,7 +182,7 @@ class Blocks:
             return None, (note,)
         shape = next(iter(found.values())).values.shape
         extent = BlockExtent((shape[0], shape[1], shape[2]), whole.spacing, whole.place(mine.start))
-        return Share(found, extent, extent, {}), (note,)
+        return Share(found, extent, extent), (note,)
 
     def _parts(self, names: Sequence[str]) -> dict[str, FieldPart]:
         whole = self._laid.whole

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any
 
@@ -19,8 +20,10 @@ from insitu.mpi.layout import BlockExtent
 from insitu.mpi.neighbours import BlockSamples
 from render.grids import Grid
 from render.partition import Index
+from render.xarray_fields import is_labelled_set
 
 Layers = tuple[tuple[int, int], tuple[int, int], tuple[int, int]]  # before and after, along x, y, z
+NO_LAYERS: Layers = (0, 0), (0, 0), (0, 0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,12 +35,16 @@ class Share:
     fields : by name, all at `held`.
     held, own : where the samples lie, with ghost layers and without.
     quantities : the names and units that the data state, by name.
+    types : of the numbers in the data, by name, as far as they are known.
+    layers : ghost layers.
     """
 
     fields: Mapping[str, BlockSamples]
     held: BlockExtent
     own: BlockExtent
-    quantities: Mapping[str, Quantity]
+    quantities: Mapping[str, Quantity] = field(default_factory=dict)
+    types: Mapping[str, str] = field(default_factory=dict)
+    layers: Layers = NO_LAYERS
 
     def owned(self, name: str) -> BlockSamples:
         """A field without its ghost layers."""
@@ -79,6 +86,8 @@ def share_of(
         held,
         _without(held, layers),
         fields.quantities,
+        {name: _type_of(_taken(data, name), name or location.array) for name in fields.grids},
+        layers,
     )
     if has_ghosts and location.nan == "refuse":
         _check_no_holes(share)
@@ -135,6 +144,18 @@ def _taken(data: Any, name: str) -> Any:
     """The array that was taken for a field of this name."""
     held = data if type(data) is not dict else data[name] if name else next(iter(data.values()))
     return held.values if isinstance(held, Field) else held
+
+
+def _type_of(taken: Any, array: str | None) -> str:
+    """The type of the numbers, "" where the data do not say."""
+    if hasattr(taken, "GetClassName"):
+        from pyvista import wrap
+
+        with suppress(KeyError, AttributeError):
+            taken = wrap(taken).get_array(array) if array else wrap(taken).active_scalars
+    elif array and is_labelled_set(taken):
+        taken = taken[array]
+    return str(getattr(taken, "dtype", ""))
 
 
 def _shape(data: Any, found: Index, dims: Sequence[str] | None) -> Index:

@@ -6,6 +6,7 @@ import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 from catalogs.store.catalog import Catalog
@@ -27,7 +28,7 @@ from insitu.members.failures import Failures, called, warn_caller, warn_safely
 from insitu.members.planning import PlanOptions, Space, appearances_from, space_from, variations_from
 from insitu.members.request import EXISTING, ON_ERROR, Existing, MemberArguments, OnError, one_of, with_time
 from insitu.members.result import RenderedMember
-from insitu.mpi.ranks import SINGLE, all_or_none, ranks_of, run_on_root
+from insitu.mpi.ranks import SINGLE, all_or_none, disagreement, ranks_of, run_on_root
 
 
 class Session:
@@ -88,12 +89,15 @@ class Session:
         warn: Callable[[Warning], None] | None = None,
         comm: Any = None,
     ) -> None:
-        self.path, self._ranks = checked_path(catalog), ranks_of(comm)
+        self._ranks = ranks_of(comm)
 
-        def checked() -> PlanOptions:
+        def checked() -> tuple[Path, int, PlanOptions]:
             one_of(nan, NAN, "nan"), one_of(existing, EXISTING, "existing"), one_of(on_error, ON_ERROR, "on_error")
             checked_function(progress, "progress"), checked_function(warn, "warn")
-            return PlanOptions(
+            length = queue_length(background)
+            if length and self._ranks is not SINGLE:
+                raise ValueError("background= and comm= can't be combined: every rank renders its own block")
+            plan = PlanOptions(
                 space=space_from(space),
                 appearances=appearances_from(appearances),
                 views=views,
@@ -105,8 +109,9 @@ class Session:
                 variations=variations_from(variations),
                 fields=fields or {},
             )
+            return checked_path(catalog), length, plan
 
-        options = all_or_none(self._ranks, checked)
+        self.path, length, options = all_or_none(self._ranks, checked)
         self._nan, self._existing, self._on_error = nan, existing, on_error
         self._warn, self._failures = warn or warn_caller, Failures(self.path)
         progress = progress or (lambda images: None)
@@ -115,7 +120,7 @@ class Session:
         )
         run_on_root(self._ranks, lambda: None if self._writer.find_catalog() else check_new(self.path, options))
         self._results: list[RenderedMember] = []
-        self._background = self._start_background(queue_length(background), options, progress)
+        self._background = self._start_background(length, options, progress)
 
     def __enter__(self) -> Session:
         return self
@@ -140,8 +145,11 @@ class Session:
 
     def has(self, parameters: Mapping[str, float], *, time: float | None = None) -> bool:
         """True if the catalog has a member with these parameters; with `existing="skip"` it would be skipped."""
+        problem = disagreement(self._ranks, {"parameters": parameters, "time": time})
 
         def is_stored() -> bool:
+            if problem:
+                raise ValueError(problem)
             catalog = self._writer.find_catalog()
             if self._space is None:
                 return False
@@ -209,13 +217,19 @@ class Session:
                 )
             with no_traps():
                 return self._render(given, member)
+        of_block = {"array": array, "dims": dims, "nan": nan or self._nan, "time": time} if field is not None else {}
+        problem = disagreement(self._ranks, {"parameters": parameters, "name": name, "split": split, **of_block})
         with no_traps(), Blocks(self._ranks, given) as blocks:
-            rendered: RenderedMember = run_on_root(self._ranks, lambda: self._render(blocks, member), blocks.commands)
+            rendered: RenderedMember = run_on_root(
+                self._ranks, lambda: self._render(blocks, member, problem), blocks.commands
+            )
             return rendered
 
-    def _render(self, field: MemberInput, member: MemberArguments) -> RenderedMember:
+    def _render(self, field: MemberInput, member: MemberArguments, problem: str = "") -> RenderedMember:
         member.check_policies()
         try:
+            if problem:
+                raise ValueError(problem)
             request = self._writer.request(member)
             result = self._writer.skipped(request, member.existing)
             if result is None and self._background is not None and isinstance(field, LocalField):
@@ -240,8 +254,6 @@ class Session:
         """The renderer process with a queue of this length; None for a session that renders in the loop."""
         if not length:
             return None
-        if self._ranks is not SINGLE:
-            raise ValueError("background= and comm= can't be combined: every rank renders its own block")
         warn = partial(warn_safely, warn=self._warn)
         return Background(self.path, options, length, settled=self._settle, warn=warn, progress=progress)
 

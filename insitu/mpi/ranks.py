@@ -6,6 +6,7 @@ what one rank could not do ends the same command on all, so that none waits for 
 
 from __future__ import annotations
 
+import math
 import os
 import pickle
 import socket
@@ -18,6 +19,7 @@ from numpy.typing import NDArray
 
 BUILTIN = (ValueError, TypeError, OSError, MemoryError)  # errors of these types keep them on all ranks
 T = TypeVar("T")
+ROUNDING = 1e-6  # relative difference of numbers that are one: some go through single precision
 LONGEST_PART = 1 << 30  # bytes sent in one call: some MPI libraries count in 32 bits
 
 
@@ -145,17 +147,59 @@ def checked(comm: Any) -> Any:
 
 
 def all_or_none(ranks: RankGroup, work: Callable[[], T]) -> T:
-    """The result of `work` on this rank; an error on one rank is raised on all."""
+    """The result of `work` on this rank; an error on one rank is raised on all, in the same words."""
+    if ranks.size == 1:
+        return work()
     try:
         result = work()
     except Exception as error:
-        ranks.fail(error)
-        raise
-    try:
-        ranks.gather(None)
-    except CollectiveError as collective:
-        raise collective.error from None
+        failed: Exception | None = error
+    else:
+        failed = None
+    errors = ranks.gather(None if failed is None else _portable(failed))
+    named = [(rank, error) for rank, error in enumerate(errors) if error is not None]
+    if named:
+        raise _named(named, ranks.size) from failed
     return result
+
+
+def disagreement(ranks: RankGroup, said: Mapping[str, Any]) -> str:
+    """A sentence on the first value by name that two ranks give differently, "" where they agree.  Collective.
+
+    A rank that leaves a name out agrees with all.  Numbers may differ by rounding.
+    """
+    first: dict[str, tuple[int, Any]] = {}
+    for rank, others in enumerate(ranks.gather({name: _plain(value) for name, value in said.items()})):
+        for name, value in others.items():
+            known = first.setdefault(name, (rank, value))
+            if not _same(known[1], value):
+                return (
+                    f"rank {known[0]} gives {name} = {known[1]!r}, rank {rank} {value!r}: all ranks render one member together, "
+                    "so give the same on all"
+                )
+    return ""
+
+
+def _plain(value: Any) -> Any:
+    """What can be sent and compared of a value: numbers as float, other objects in words."""
+    if value is None or isinstance(value, str):
+        return value
+    if isinstance(value, Mapping):
+        return {str(name): _plain(one) for name, one in value.items()}
+    if isinstance(value, Sequence):
+        return [_plain(one) for one in value]
+    try:
+        return float(value)
+    except Exception:
+        return repr(value)
+
+
+def _same(one: Any, other: Any) -> bool:
+    if isinstance(one, dict) and isinstance(other, dict):
+        return one.keys() == other.keys() and all(_same(one[name], other[name]) for name in one)
+    if isinstance(one, float) and isinstance(other, float):
+        return math.isclose(one, other, rel_tol=ROUNDING, abs_tol=1e-12) or (one != one and other != other)
+    return bool(one == other)
 
 
 def run_on_root(

@@ -152,6 +152,52 @@ def mistakes(folder: Path, boxes: Any, told: dict[str, Any]) -> None:
         told["other plan"] = outcome(lambda: Session(folder / "mistakes.cdb", comm=COMM, space={"z": (0, 1)}))
 
 
+def disagreements(folder: Path, boxes: Any, told: dict[str, Any]) -> None:
+    """One rank says something else than the others."""
+    part, place = mine(field(0.0), boxes)
+    appearances = [VolumeRendering("plain", FUNCTION)]
+    options = {"comm": COMM, "appearances": appearances, "sample_distance": STEP, **OPTIONS}
+    odd = COMM.rank == 2
+
+    def rendered(case: str, data: Any = part, **changed: Any) -> None:
+        arguments = {"parameters": {"p": 0.0}, **place, **changed}
+        told[case] = outcome(lambda: session.render_member(data, **arguments))
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        with Session(folder / "disagreements.cdb", **options) as session:
+            rendered("parameters", parameters={"p": 0.1 if odd else 0.0})
+            rendered("other names", parameters={"q": 0.0} if odd else {"p": 0.0})
+            rendered("no parameters", parameters=None if odd else {"p": 0.0})
+            rendered("time", time=0.2 if odd else 0.1)
+            rendered("no time", time=None if odd else 0.1)
+            rendered("name", name="a" if odd else "b")
+            rendered("nan", nan="transparent" if odd else "refuse")
+            rendered("array", array="q" if odd else None)
+            rendered("dims", dims="xyz" if odd else "zyx")
+            rendered("warned", time=0.2 if odd else 0.1, on_error="warn")
+            whole = np.rint(part).astype(np.int32)
+            rendered("types", whole if odd else part)
+            rendered("types of meshes", wrapped(whole if odd else part, place), spacing=None, origin=None)
+            rendered("bad ghosts", ghosts=-1 if odd else 0)
+            rendered("ghosts", ghosts=1 if odd else 0)
+            told["has"] = outcome(lambda: session.has({"p": 0.5 if odd else 0.0}))
+            rendered("rounding", parameters={"p": np.float32(0.1) if odd else 0.1})
+            rendered("no block", None if COMM.rank == 3 else part[:2], parameters={"p": 0.2}, nan="transparent")
+        told["policy"] = outcome(lambda: Session(folder / "x.cdb", **{**options, "nan": "none" if odd else "refuse"}))
+        told["background"] = outcome(lambda: Session(folder / "x.cdb", **options, background=odd))
+        told["path"] = outcome(lambda: Session(3 if odd else folder / "x.cdb", **options))  # type: ignore[arg-type]
+
+
+def wrapped(values: Any, place: dict[str, Any]) -> Any:
+    """A block as a data set of pyvista."""
+    import pyvista
+
+    data = pyvista.ImageData(dimensions=values.shape[::-1], **place)
+    data["q"] = values.reshape(-1)
+    return data
+
+
 def killed(folder: Path, boxes: Any) -> None:
     """The second member's rank 1 dies in the middle of the pictures."""
     part, place = mine(field(0.0), boxes)
@@ -178,7 +224,8 @@ def main(folder: Path, what: str) -> None:
     if what == "killed":
         killed(folder, boxes)
     else:
-        {"pictures": pictures, "partitions": partitions, "mistakes": mistakes}[what](folder, boxes, told)
+        parts = {work.__name__: work for work in (pictures, partitions, mistakes, disagreements)}
+        parts[what](folder, boxes, told)
     (folder / f"rank-{COMM.rank}.json").write_text(json.dumps(told))
 
 

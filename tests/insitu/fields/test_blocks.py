@@ -82,13 +82,45 @@ def test_a_mistake_on_one_rank_is_an_error_on_all(tmp_path: Path) -> None:
         "transparent": "rendered",
         "right": "rendered",
         "twice": "CatalogError: member p-0.0 ",
-        "background": "ValueError: background= and comm= can't be combined",
+        "background": "ValueError: rank 0 of 4: background= and comm= can't be combined",
         "other plan": "ValueError: catalog ",
     }.items():
         assert len({one[name] for one in told}) == 1, name
         assert told[0][name].startswith(message), name
     assert [one["failures"] for one in told] == [{}] * RANKS
     assert [m.name for m in Catalog.open(tmp_path / "mistakes.cdb").members] == ["p-0.0", "p-0.3"]
+
+
+def test_a_rank_that_disagrees_is_named_on_all(tmp_path: Path) -> None:
+    told = told_by_ranks(tmp_path, "disagreements")
+    together = ": all ranks render one member together, so give the same on all"
+    expected = {
+        "parameters": "ValueError: rank 0 gives parameters = {'p': 0.0}, rank 2 {'p': 0.1}" + together,
+        "other names": "ValueError: rank 0 gives parameters = {'p': 0.0}, rank 2 {'q': 0.0}" + together,
+        "no parameters": "ValueError: rank 0 gives parameters = {'p': 0.0}, rank 2 None" + together,
+        "time": "ValueError: rank 0 gives time = 0.1, rank 2 0.2" + together,
+        "no time": "ValueError: rank 0 gives time = 0.1, rank 2 None" + together,
+        "name": "ValueError: rank 0 gives name = 'b', rank 2 'a'" + together,
+        "nan": "ValueError: rank 0 gives nan = 'refuse', rank 2 'transparent'" + together,
+        "array": "ValueError: rank 0 gives array = None, rank 2 'q'" + together,
+        "dims": "ValueError: rank 0 gives dims = 'zyx', rank 2 'xyz'" + together,
+        "warned": "ValueError: rank 0 gives time = 0.1, rank 2 0.2" + together,
+        "types": "ValueError: the blocks must have one type of numbers, but rank 0 has float64, rank 2 has int32: convert them",
+        "bad ghosts": "ValueError: rank 2 of 4: ghosts must be a number of layers",
+        "ghosts": "ValueError: the blocks fill no grid (the blocks leave ",
+        "has": "ValueError: rank 0 gives parameters = {'p': 0.0}, rank 2 {'p': 0.5}" + together,
+        "rounding": "rendered",
+        "policy": "ValueError: rank 2 of 4: nan must be one of",
+        "background": "ValueError: rank 2 of 4: background= and comm= can't be combined",
+        "path": "ValueError: rank 2 of 4: catalog must be the path of a .cdb folder, got 3",
+    }
+    expected["types of meshes"] = expected["types"]
+    for name, message in expected.items():
+        assert len({one[name] for one in told}) == 1, name
+        assert told[0][name].startswith(message), (name, told[0][name])
+    assert "ghosts of rank 0 are [0, 0, 0], of rank 2 [1, 1, 1]" in told[0]["ghosts"]
+    assert "gives" not in told[0]["no block"]
+    assert not (tmp_path / "x.cdb").exists()
 
 
 def test_a_rank_that_dies_leaves_no_half_member_and_the_next_run_goes_on(tmp_path: Path) -> None:
