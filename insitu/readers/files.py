@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import re
 import warnings
@@ -9,7 +10,7 @@ import zipfile
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import IO, TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -88,7 +89,8 @@ def read_data(
             with unpacked(path) as inner:
                 return read_data(inner, location, array=array)
         if path.suffix == ".npy":
-            check_room(path.stat().st_size, "it")
+            with path.open("rb") as file:
+                _claimed(file, path.stat().st_size, "it")
             values = np.load(path, mmap_mode="r", allow_pickle=False)
             return _plain(values, "", location)
         if path.suffix == ".npz":
@@ -153,7 +155,11 @@ def _plain(values: NDArray[Any], name: str, location: FieldLocation) -> Field:
 def _packed(path: Path, array: str | None, location: FieldLocation) -> Field:
     """An array of a .npz file; `spacing` and `origin` may be arrays beside it."""
     with np.load(path, mmap_mode=None, allow_pickle=False) as held:
-        shapes = {name: _claimed(held, name) for name in held.files}
+        shapes = {}
+        for name in held.files:
+            inner = name if name in held.zip.namelist() else f"{name}.npy"
+            with held.zip.open(inner) as stream:
+                shapes[name] = _claimed(stream, held.zip.getinfo(inner).file_size, f"array {name!r}")
         volumes = [name for name, shape in shapes.items() if len(shape) == 3]
         if array is None and len(volumes) != 1:
             raise ValueError(f"name the array to render: it has {shapes or 'none'}")
@@ -166,17 +172,17 @@ def _packed(path: Path, array: str | None, location: FieldLocation) -> Field:
         return _plain(held[name], name, location)
 
 
-def _claimed(held: Any, name: str) -> tuple[int, ...]:
-    """The shape that an array of a .npz file claims; raises ValueError where its bytes are others, or too many."""
-    inner = name if name in held.zip.namelist() else f"{name}.npy"
-    with held.zip.open(inner) as stream:
-        version = np.lib.format.read_magic(stream)
-        read = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
-        shape, _, kind = read(stream)
-    size = float(np.prod(shape, dtype=np.float64)) * kind.itemsize
-    check_room(int(size), f"array {name!r}")
-    if size > held.zip.getinfo(inner).file_size:
-        raise ValueError(f"array {name!r} claims {size:.3g} bytes, more than are stored")
+def _claimed(stream: IO[bytes], stored: int, what: str) -> tuple[int, ...]:
+    """The shape that an array in numpy's format claims; raises ValueError where its bytes are others than stored, or too many."""
+    version = np.lib.format.read_magic(stream)
+    read = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
+    shape, _, kind = read(stream)
+    size = stream.tell() + math.prod(shape) * kind.itemsize
+    if size != stored and not kind.hasobject:
+        raise ValueError(
+            f"{what} claims {size} bytes, and has {stored}: it was cut short, or something was added to it"
+        )
+    check_room(size, what)
     return tuple(shape)
 
 

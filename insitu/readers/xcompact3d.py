@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -55,6 +56,11 @@ class RawArray:
     begins: int
     shape: tuple[int, int, int]  # z, y, x
 
+    @property
+    def ends(self) -> int:
+        """The byte behind the last value."""
+        return self.begins + math.prod(self.shape) * self.kind.itemsize
+
 
 def recognizes(path: Path) -> bool:
     """True if it is an XDMF file of a rectilinear mesh whose arrays are raw."""
@@ -89,6 +95,7 @@ def read(path: Path, array: str | None, index: tuple[int, ...], sampling: Sampli
     name = chosen_array(array, list(snapshot.arrays), f"snapshot {snapshot.name.strip()!r}")
     try:
         raw = _raw_array(path, snapshot.arrays[name])
+        _check_size(raw, [item for other in snapshots for item in other.arrays.values()], snapshot.arrays[name])
     except ValueError as error:
         raise ValueError(f"{name}: {error}") from None
     on_points = raw.shape == snapshot.counts
@@ -224,12 +231,28 @@ def _raw_array(path: Path, item: Element) -> RawArray:
         size = other.stat().st_size
     except (OSError, RuntimeError) as error:  # too long a name, or a circle of links
         raise ValueError(f"the file {name[:60]!r} is not readable: {error}") from None
-    claimed = int(seek) + math.prod(shape) * kind.itemsize
-    if claimed > size:
+    raw = RawArray(other, kind, int(seek), shape)
+    if raw.ends > size:
         raise ValueError(
-            f"it claims {claimed} bytes, {other.name} has {size}: is it being written, or of another precision?"
+            f"it claims {raw.ends} bytes, {other.name} has {size}: is it being written, or of another precision?"
         )
-    return RawArray(other, kind, int(seek), shape)
+    return raw
+
+
+def _check_size(raw: RawArray, items: Sequence[Element], own: Element) -> None:
+    """Raise ValueError where a file is longer than all arrays claim that are said to lie in it: its size alone checks them."""
+    name, size = (own.text or "").strip(), raw.path.stat().st_size
+    if raw.ends == size:
+        return
+    ends = [raw.ends]
+    for item in items:
+        if (item.text or "").strip() == name and item.get("Seek", "0").isdigit():
+            precision = item.get("Precision", "4")
+            ends.append(int(item.get("Seek", "0")) + math.prod(_counts(item)) * int(precision))
+    if max(ends) != size:
+        raise ValueError(
+            f"its arrays claim {max(ends)} bytes, {raw.path.name} has {size}: is it of another mesh or precision?"
+        )
 
 
 def _value(time: Element | None) -> float | None:
