@@ -8,7 +8,7 @@ from functools import lru_cache
 from pathlib import Path
 
 from catalogs import plugins
-from insitu.readers import adios, amrex, cloverleaf, mpas, openpmd, the_well, xcompact3d
+from insitu.readers import adios, amrex, cloverleaf, mpas, openpmd, the_well, vtk_files, xcompact3d
 from insitu.readers.reader import Reader
 
 OURS: tuple[Reader, ...] = (
@@ -19,6 +19,7 @@ OURS: tuple[Reader, ...] = (
     openpmd.READER,
     the_well.READER,
     xcompact3d.READER,
+    vtk_files.READER,
 )
 
 

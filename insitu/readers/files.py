@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import math
 import os
-import re
-import warnings
 import zipfile
 from collections.abc import Sequence
 from dataclasses import replace
@@ -17,6 +15,7 @@ from numpy.typing import NDArray
 
 from insitu.fields.field import Field
 from insitu.fields.location import FieldLocation
+from insitu.readers import vtk_files
 from insitu.readers.arrays import Arrays, StoredArray, check_room, is_store, open_arrays
 from insitu.readers.attributes import wanted_array
 from insitu.readers.codes import reader_of
@@ -24,15 +23,12 @@ from insitu.readers.folders import is_folder_file
 from insitu.readers.gzip_files import unpacked
 from insitu.readers.placement import placed_field
 from insitu.readers.reader import Reader, Sampling
-from render.cells import plain
-from render.datasets import chosen_array, to_grid
+from render.datasets import to_grid
 from render.xarray_fields import SAME, axis_order
 
 if TYPE_CHECKING:
     from render.grids import Grid
 
-PICKLES = {".pkl", ".pickle"}  # which pyvista would run
-HEADER = 1 << 16  # bytes in which a VTK file says how large it is
 READING = (ValueError, TypeError, OSError, EOFError, KeyError, RuntimeError, MemoryError, zipfile.BadZipFile)
 
 
@@ -100,7 +96,7 @@ def read_data(
                 return placed_field(arrays, volume(arrays, array), location=location)
         if _given(location):
             raise ValueError("VTK files say where their values lie: leave spacing, origin and dims out")
-        return _vtk(path, array)
+        return vtk_files.read(path, array)
     except READING as error:
         message = " ".join(str(error).split()).removeprefix(f"{path}: ") or type(error).__name__
         raise ValueError(f"{path}: {message}") from error
@@ -197,63 +193,3 @@ def volume(arrays: Arrays, name: str | None, states: int = 0) -> StoredArray:
     if len(volumes) != 1:
         raise ValueError(f"name the array to render; the file holds {arrays}")
     return volumes[0]
-
-
-def _vtk(path: Path, array: str | None) -> Any:
-    """A data set that pyvista reads, with the one array alone."""
-    import pyvista
-
-    if path.suffix.lower() in PICKLES:
-        raise ValueError(
-            "pickled files run code when they are read: save the data set in a VTK format, such as .vti or .vtu"
-        )
-    _check_claims(path)
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always")
-        found: Any = pyvista.read(path)
-    failed = [str(w.message) for w in caught if "raised an error" in str(w.message)]
-    if failed:
-        raise ValueError(" ".join(failed[0].split())[:300])
-    if isinstance(found, pyvista.MultiBlock):
-        blocks = [block for block in found.recursive_iterator() if block is not None and block.n_cells]
-        if not blocks:
-            raise ValueError("it holds no block with cells")
-        found = blocks[0] if len(blocks) == 1 else found
-    else:
-        blocks = [found]
-    if array is not None:
-        _keep_only(array, blocks)
-    return found
-
-
-def _keep_only(array: str, blocks: Sequence[Any]) -> None:
-    """Remove the other arrays of data sets; raises ValueError listing them where there is no such array."""
-    held = [found for block in blocks if (found := plain(block)) is not None]
-    wanted = chosen_array(held, array, "it has")
-    for block in blocks:
-        for on_cells, data in ((False, block.point_data), (True, block.cell_data)):
-            for name in data.keys():  # noqa: SIM118 - they change on the way
-                if (name, on_cells) != wanted and not name.startswith("vtk"):
-                    del data[name]
-
-
-def _check_claims(path: Path) -> None:
-    """Raise ValueError where the file, or the extent in its header, takes more memory than there is."""
-    check_room(path.stat().st_size, "it")
-    with path.open("rb") as file:
-        head = file.read(HEADER).decode("latin-1")
-    extents = re.findall(r'WholeExtent="\s*([-\d\s]+?)\s*"', head)
-    for extent in (list(map(int, found.split())) for found in extents):
-        if len(extent) == 6:
-            check_room(
-                _samples([high - low + 1 for low, high in zip(extent[::2], extent[1::2], strict=True)]), "its extent"
-            )
-    for found in re.findall(r"(?m)^DIMENSIONS\s+(\d+)\s+(\d+)\s+(\d+)", head):
-        check_room(_samples(list(map(int, found))), "its DIMENSIONS")
-    for found in re.findall(r'NumberOf(?:Points|Cells)="\s*(\d+)\s*"|(?m:^POINTS\s+(\d+))', head):
-        check_room(12 * int(found[0] or found[1]), "its number of points or cells")
-
-
-def _samples(counts: Sequence[int]) -> int:
-    """Bytes of as many float32."""
-    return 4 * int(np.prod([float(max(0, count)) for count in counts]))

@@ -9,6 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from catalogs.vocabulary.words import shortened
+from insitu.readers import vtk_files
 from insitu.readers.codes import listed_readers, reader_of
 from insitu.readers.files import is_field_file
 from insitu.readers.folders import files_below, is_folder_file
@@ -33,6 +34,8 @@ def dumps_below(folder: Path, name: str = "") -> list[Path]:
         reader = reader_of(path)
         if reader is not None and name in ("", reader.name):
             found.setdefault(reader.name, []).append(path)
+    if len(found) > 1:
+        found.pop(vtk_files.READER.name, None)  # files of general formats beside those of a code
     if len(found) > 1:
         raise ValueError(f"{folder} has dumps of several codes, {', '.join(found)}: choose one by --reader")
     if not found:

@@ -14,7 +14,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
-from xml.etree.ElementTree import Element, ParseError
+from xml.etree.ElementTree import Element
 
 import numpy as np
 
@@ -23,11 +23,9 @@ from insitu.readers.arrays import LabelledArray, check_room
 from insitu.readers.fortran_numbers import printed_number
 from insitu.readers.printed_axis import PrintedAxis, field_on_axes
 from insitu.readers.reader import Reader, Sampling, StoredState, chosen_array
+from insitu.readers.xml_files import LARGEST, parsed
 
 SUFFIXES = {".xdmf", ".xmf"}
-LARGEST = 1 << 26  # bytes of an XDMF file
-MOST_ELEMENTS = 1_000_000
-DEEPEST = 32
 MARKS = (
     re.compile(rb"<Xdmf\b"),
     re.compile(rb"""TopologyType\s*=\s*["']3D(Co)?RectMesh"""),
@@ -127,7 +125,7 @@ def _placed(values: Any, snapshot: Snapshot, name: str, on_points: bool) -> Fiel
 
 def _snapshots(path: Path) -> list[Snapshot]:
     """The snapshots of an XDMF file; raises ValueError where it is another one."""
-    root = _parsed(path)
+    root = parsed(path)
     domain = root.find("Domain") if root.tag == "Xdmf" else None
     if domain is None:
         raise ValueError("it is not an XDMF file: there is no Xdmf/Domain in it")
@@ -146,30 +144,6 @@ def _snapshots(path: Path) -> list[Snapshot]:
     if not grids:
         raise ValueError("it has no snapshots: there is no Grid in it")
     return [_snapshot(domain, grid, time) for grid, time in grids]
-
-
-def _parsed(path: Path) -> Element:
-    """The root of an XML file from a stranger; raises ValueError where it is none, or out of all proportion."""
-    from defusedxml import DefusedXmlException
-    from defusedxml.ElementTree import iterparse
-
-    if path.stat().st_size > LARGEST:
-        raise ValueError(f"it has {path.stat().st_size} bytes, more than an XDMF file of snapshots")
-    root, depth, count = None, 0, 0
-    try:
-        with path.open("rb") as file:
-            for event, element in iterparse(file, ("start", "end"), forbid_entities=True, forbid_external=True):
-                root = element if root is None else root
-                depth, count = depth + (1 if event == "start" else -1), count + 1
-                if depth > DEEPEST or count > 2 * MOST_ELEMENTS:
-                    raise ValueError(f"it nests more than {DEEPEST} elements, or has more than {MOST_ELEMENTS}")
-    except DefusedXmlException as error:
-        raise ValueError(f"its XML declares an entity, which could expand to anything: {error}") from None
-    except (ParseError, LookupError) as error:
-        raise ValueError(f"it is not XML: {error}") from None
-    if root is None:
-        raise ValueError("it is empty")
-    return root
 
 
 def _snapshot(domain: Element, grid: Element, time: float | None) -> Snapshot:
