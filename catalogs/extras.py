@@ -37,5 +37,5 @@ def remedy(error: ModuleNotFoundError, needing: str, extra: str) -> str:
     bringing = OF_PACKAGE[package]
     if bringing in BASE:
         bringing = extra or bringing
-    wanted = f"gs-surrogate[{bringing}]" if bringing else "gs-surrogate"
-    return f"{needing} needs the package {package}: pip install '{wanted}'"
+    requirement = f"gs-surrogate[{bringing}]" if bringing else "gs-surrogate"
+    return f"{needing} needs the package {package}: pip install '{requirement}'"

@@ -33,12 +33,12 @@ def public_names(package: str, path: str) -> tuple[list[str], Callable[[str], An
             raise AttributeError(f"module {package!r} has no attribute {name!r}; it has {', '.join(homes)}")
         extra, needed = NEEDED.get(homes[name].partition(".")[0], ("", ""))
         try:
-            found = getattr(import_module(homes[name]), name)
+            value = getattr(import_module(homes[name]), name)
             if needed and find_spec(needed) is None:
                 raise ModuleNotFoundError(name=needed)
         except ModuleNotFoundError as error:
             extra = "explore" if ".explore." in homes[name] else extra
             raise ModuleNotFoundError(remedy(error, f"{package}.{name}", extra), name=error.name) from error
-        return found
+        return value
 
     return list(homes), load, lambda: [*homes, "__version__"]

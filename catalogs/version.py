@@ -31,17 +31,17 @@ def commit() -> str:
     """
     try:
         _git("ls-files", "--error-unmatch", HERE.name)
-        found = _git("rev-parse", "--short=12", "HEAD")
+        head = _git("rev-parse", "--short=12", "HEAD")
         changed = _git("status", "--porcelain", "--untracked-files=no", "--", ":/", ":(top,exclude,glob)**/records/**")
     except (OSError, subprocess.SubprocessError):
         return UNKNOWN
-    return f"{found}+dirty" if changed else found
+    return f"{head}+dirty" if changed else head
 
 
 def described() -> str:
     """Version and, where it is known, commit: "0.1.0 (commit 1a2b3c4d5e6f)"."""
-    known = commit()
-    return version() if known == UNKNOWN else f"{version()} (commit {known})"
+    head = commit()
+    return version() if head == UNKNOWN else f"{version()} (commit {head})"
 
 
 def version_option(command: Command) -> Command:

@@ -104,8 +104,8 @@ class OpenRun:
 
         place, mark = path_between(self.folder, self.catalog.path), fingerprint(self.settings, self.catalog)
         with one_line_errors():
-            known = RunRecord.load(self.folder)
-            if known is None or (known.catalog, known.fingerprint) != (place, mark):
+            record = RunRecord.load(self.folder)
+            if record is None or (record.catalog, record.fingerprint) != (place, mark):
                 RunRecord(place, self.settings.to_json(), self.catalog.splits, mark).save(self.folder)
 
 

@@ -85,18 +85,18 @@ class Member:
         return max(self.split, self.view_splits[view], setting.split if setting else "train", key=SPLITS.index)
 
 
-def known_appearances(names: Sequence[str] | None, known: Sequence[str]) -> tuple[str, ...]:
+def known_appearances(names: Sequence[str] | None, available: Sequence[str]) -> tuple[str, ...]:
     """`names` in the order of the catalog's own, `known`; all for None.  Raises CatalogError for an unknown name, or no name."""
     if names is None:
-        return tuple(known)
+        return tuple(available)
     wanted = {names} if isinstance(names, str) else set(names)
-    unknown = sorted(wanted - set(known))
+    unknown = sorted(wanted - set(available))
     if unknown or not wanted:
         raise CatalogError(
-            f"a member needs appearances of the catalog's, which are {shortened(known, 8)}, "
+            f"a member needs appearances of the catalog's, which are {shortened(available, 8)}, "
             f"got {shortened(unknown, 8) or 'none'}"
         )
-    return tuple(name for name in known if name in wanted)
+    return tuple(name for name in available if name in wanted)
 
 
 def rows_of(member: Member, plan: CatalogPlan) -> Iterator[list[cinema.Cell]]:

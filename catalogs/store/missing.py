@@ -58,8 +58,8 @@ def no_longer_missing(catalog: Path, name: str, parameters: Mapping[str, float] 
         return
     same = [m.name for m in missing_members(catalog) if parameters and m.parameters == parameters]
     with suppress(OSError):
-        for found in (name, *same):
-            (catalog / MISSING / f"{found}.json").unlink(missing_ok=True)
+        for missing in (name, *same):
+            (catalog / MISSING / f"{missing}.json").unlink(missing_ok=True)
 
 
 def missing_members(catalog: Path) -> tuple[MissingMember, ...]:

@@ -119,8 +119,8 @@ def choose_splits(
 
 def ordered_names(space: ParameterSpace) -> tuple[str, ...]:
     """The parameters that order the dumps of one run, by their names: time, step, cycle, snapshot, redshift and others."""
-    known = set(ORDERED_WORDS.split())
-    return tuple(n for n in space.names if n == "t" or re.sub("[^a-z]", "", n.lower()) in known)
+    words = set(ORDERED_WORDS.split())
+    return tuple(n for n in space.names if n == "t" or re.sub("[^a-z]", "", n.lower()) in words)
 
 
 def runs_of(members: Sequence[Member], space: ParameterSpace) -> list[list[Member]]:

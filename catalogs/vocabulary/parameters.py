@@ -98,12 +98,12 @@ class Parameter:
     @classmethod
     def from_json(cls, record: Mapping[str, Any]) -> Parameter:
         """The parameter of a `to_json` record or of a scene's `[[parameters]]` table; raises ValueError naming wrong keys."""
-        known = [field.name for field in fields(cls)]
-        missing = [key for key in known[:3] if key not in record]
-        unknown = [key for key in record if key not in known]
+        names = [field.name for field in fields(cls)]
+        missing = [key for key in names[:3] if key not in record]
+        unknown = [key for key in record if key not in names]
         if missing or unknown:
             named = record.get("name", "?")
-            raise ValueError(f"parameter {named!r}: missing keys {missing}, unknown keys {unknown}; known are {known}")
+            raise ValueError(f"parameter {named!r}: missing keys {missing}, unknown keys {unknown}; known are {names}")
         return cls(**record)
 
 

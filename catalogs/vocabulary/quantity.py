@@ -51,21 +51,21 @@ def _quantity(name: str, value: Any) -> Quantity:
     return Quantity(name, text(value, f"the unit of field {name!r}"))
 
 
-def quantities_of(given: Mapping[str, Quantity], shown: Sequence[str]) -> dict[str, Quantity]:
+def quantities_of(quantities: Mapping[str, Quantity], shown: Sequence[str]) -> dict[str, Quantity]:
     """`given` by the names of the shown fields; a single unnamed field is "".
 
     Raises ValueError for fields that are not shown.
     """
-    if tuple(shown) in ((), ("",)) and len(given) == 1:
-        return {"": next(iter(given.values()))}
-    unknown = [name for name in given if name not in shown]
+    if tuple(shown) in ((), ("",)) and len(quantities) == 1:
+        return {"": next(iter(quantities.values()))}
+    unknown = [name for name in quantities if name not in shown]
     if unknown:
         if tuple(shown) == ("",):
             raise ValueError(
-                f"the catalog has a single unnamed field: give exactly one entry in fields, got {list(given)}"
+                f"the catalog has a single unnamed field: give exactly one entry in fields, got {list(quantities)}"
             )
         raise ValueError(f"fields describes {unknown}, but the appearances show {list(shown)}")
-    return dict(given)
+    return dict(quantities)
 
 
 def text(value: Any, what: str) -> str:

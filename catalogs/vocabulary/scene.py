@@ -316,11 +316,11 @@ def _members(plan: Mapping[str, Any], space: ParameterSpace, seed: int) -> tuple
         raise ValueError(f"members: unknown keys {unknown}; known are {[*SPLITS, 'seed']}")
     members = []
     for offset, split in enumerate(SPLITS):
-        wanted = plan.get(split, 0)
-        if isinstance(wanted, int):
-            rows = space.latin_hypercube(wanted, seed + offset).tolist() if wanted else []
+        listed = plan.get(split, 0)
+        if isinstance(listed, int):
+            rows = space.latin_hypercube(listed, seed + offset).tolist() if listed else []
         else:
-            rows = [row for i, entry in enumerate(wanted) for row in _rows(entry, space, f"members.{split}[{i}]")]
+            rows = [row for i, entry in enumerate(listed) for row in _rows(entry, space, f"members.{split}[{i}]")]
         for i, row in enumerate(rows):
             parameters = dict(zip(space.names, row, strict=True))
             space.values(parameters, stacklevel=4)  # who called `Scene.load`

@@ -43,9 +43,9 @@ class Run:
         """
         if self.catalog is None:
             return ()
-        known, own = self.catalog.plan.space.names, self.surrogate.space.names
-        if known != own:
-            raise ValueError(f"the catalog is of {known}, the surrogate of {own}")
+        names, own = self.catalog.plan.space.names, self.surrogate.space.names
+        if names != own:
+            raise ValueError(f"the catalog is of {names}, the surrogate of {own}")
         return self.catalog.members
 
     @cached_property

@@ -105,11 +105,11 @@ class DifferentiableSurrogate(torch.nn.Module):
 
     def deformed(self, parameters: Tensor | Mapping[str, Any]) -> Gaussians:
         """The Gaussians of one member, in normalized coordinates, differentiable as `forward` is."""
-        given = self._named(parameters)
-        known = {n: float(v.detach()) if isinstance(v, Tensor) else v for n, v in given.items()}
-        place = place_of(self.space, self._visualizations, known, "allow")
-        self._check_differentiable(place, given)
-        normalized = self._normalized(place, given).to(self._gaussians.means)  # [P + V]
+        named = self._named(parameters)
+        numbers = {n: float(v.detach()) if isinstance(v, Tensor) else v for n, v in named.items()}
+        place = place_of(self.space, self._visualizations, numbers, "allow")
+        self._check_differentiable(place, named)
+        normalized = self._normalized(place, named).to(self._gaussians.means)  # [P + V]
         if place.visualization is None:
             gaussians = self._deformation.deformed(self._gaussians, normalized).drawn()
         else:
@@ -131,47 +131,47 @@ class DifferentiableSurrogate(torch.nn.Module):
 
     def _named(self, parameters: Any) -> dict[str, Any]:
         if isinstance(parameters, Mapping):
-            given = dict(parameters)
+            named = dict(parameters)
         elif isinstance(parameters, Tensor) and parameters.shape == (len(self.space),):
-            given = dict(zip(self.space.names, parameters.unbind(0), strict=True))
+            named = dict(zip(self.space.names, parameters.unbind(0), strict=True))
         else:
             raise ValueError(
                 f"parameters must be a tensor of shape ({len(self.space)},), for {list(self.space.names)}, or a mapping of names, "
                 f"got {getattr(parameters, 'shape', type(parameters).__name__)}"
             )
-        for name, value in given.items():
+        for name, value in named.items():
             if isinstance(value, Tensor) and value.numel() != 1:
                 raise ValueError(f"parameter {name} must be one number, got shape {tuple(value.shape)}")
-        return {n: v.reshape(()) if isinstance(v, Tensor) else v for n, v in given.items()}
+        return {n: v.reshape(()) if isinstance(v, Tensor) else v for n, v in named.items()}
 
-    def _check_differentiable(self, place: ParameterPoint, given: Mapping[str, Any]) -> None:
+    def _check_differentiable(self, place: ParameterPoint, named: Mapping[str, Any]) -> None:
         """Raise ValueError for a gradient by a transfer function that is applied to carried values, which there is none of."""
         if place.visualization is None or place.visualization.deformation is not None:
             return
         for name in place.visualization.variation.argument_names:
-            if isinstance(given.get(name), Tensor) and given[name].requires_grad:
+            if isinstance(named.get(name), Tensor) and named[name].requires_grad:
                 raise ValueError(
                     f"pictures have no gradient by {name}, for the Gaussians carry values to which functions are applied: pass a "
                     "number, or detach it"
                 )
 
-    def _normalized(self, place: ParameterPoint, given: Mapping[str, Any]) -> Tensor:
+    def _normalized(self, place: ParameterPoint, named: Mapping[str, Any]) -> Tensor:
         """The normalized parameters (P + V,) float64 of a place, with the gradient by those that were given as tensors."""
-        parts = [_follow(place.simulation, self.space.names, given, _slopes(self.space, place.parameters))]
+        parts = [_follow(place.simulation, self.space.names, named, _slopes(self.space, place.parameters))]
         if place.visualization is not None and place.settings is not None:
             variation = place.visualization.variation
             slopes = _visual_slopes(variation, place.parameters)
-            parts.append(_follow(place.settings, variation.space.names, given, slopes))
+            parts.append(_follow(place.settings, variation.space.names, named, slopes))
         return torch.cat(parts)
 
 
 def _follow(
-    numbers: NDArray[np.float64], names: Sequence[str], given: Mapping[str, Any], slopes: Mapping[str, float]
+    numbers: NDArray[np.float64], names: Sequence[str], named: Mapping[str, Any], slopes: Mapping[str, float]
 ) -> Tensor:
     """Normalized `numbers` as they are, with the derivative `slopes` by the tensors among what was given."""
     rows = []
     for number, name in zip(numbers.tolist(), names, strict=True):
-        value, row = given.get(name), torch.tensor(number, dtype=torch.float64)
+        value, row = named.get(name), torch.tensor(number, dtype=torch.float64)
         if isinstance(value, Tensor) and name in slopes:
             moved = value.double()
             row = row.to(moved.device) + slopes[name] * (moved - moved.detach())

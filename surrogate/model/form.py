@@ -97,10 +97,10 @@ def fields_of(model: models.StoredModel) -> Fields:
 
 def _listed(record: Mapping[str, Any], name: str) -> list[Any]:
     with part(name):
-        found = record[name]
-        if not isinstance(found, list) or not all(isinstance(entry, dict) for entry in found):
-            raise ValueError(f"they must be a list of objects, got {type(found).__name__}")
-    return found
+        values = record[name]
+        if not isinstance(values, list) or not all(isinstance(entry, dict) for entry in values):
+            raise ValueError(f"they must be a list of objects, got {type(values).__name__}")
+    return values
 
 
 def _check_fit(deformation: Deformation, gaussians: int, parameters: int) -> None:

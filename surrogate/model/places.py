@@ -127,12 +127,12 @@ def transfer_place(
     place = simulation_place(space, parameters, outside)
     if carried:
         return replace(place, function=function)
-    known = [v for v in visualizations if v.variation.edits_base]
-    if not known:
+    candidates = [v for v in visualizations if v.variation.edits_base]
+    if not candidates:
         raise ValueError(
             'the Gaussians of this surrogate carry colours and know no transfer functions: train with carried = "values"'
         )
-    return ParameterPoint(place.parameters, place.simulation, known[0], function=function, warnings=place.warnings)
+    return ParameterPoint(place.parameters, place.simulation, candidates[0], function=function, warnings=place.warnings)
 
 
 def _check_near(space: ParameterSpace, values: Sequence[float] | NDArray[np.float64]) -> None:

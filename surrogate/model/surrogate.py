@@ -123,13 +123,13 @@ class Surrogate:
         """
         colour = checked_background(background)
         rows, views, size = paired(rows_of(self.space, parameters), cameras)
-        known: dict[str, ParameterPoint] = {}
+        points: dict[str, ParameterPoint] = {}
         places = []
         for row in rows:
             key = repr(sorted(row.items()))
-            if key not in known:
-                known[key] = self._place(row, outside, transfer_function)
-            places.append(known[key])
+            if key not in points:
+                points[key] = self._place(row, outside, transfer_function)
+            places.append(points[key])
         if outside == "warn":
             warn_of(places, stacklevel=2)
         side_by_side = not self.gaussians.means.is_cuda

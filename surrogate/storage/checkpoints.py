@@ -55,11 +55,11 @@ class Checkpoint:
 
     def digest(self) -> str:
         """A SHA-256 over names and bytes of all tensors."""
-        found = hashlib.sha256()
+        digest = hashlib.sha256()
         for name, tensor in sorted(self.in_main_memory().tensors.items()):
-            found.update(name.encode())
-            found.update(tensor.numpy().tobytes())
-        return found.hexdigest()
+            digest.update(name.encode())
+            digest.update(tensor.numpy().tobytes())
+        return digest.hexdigest()
 
     @classmethod
     def load(cls, directory: Path) -> Checkpoint | None:

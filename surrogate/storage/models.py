@@ -80,15 +80,15 @@ class StoredModel:
 
     def _encoded(self) -> tuple[dict[str, Tensor], dict[str, str]]:
         """The tensors of the file, and the format of each that is encoded, by name."""
-        found, forms = dict[str, Tensor](), dict[str, str]()
+        tensors, forms = dict[str, Tensor](), dict[str, str]()
         for name, tensor in self.tensors.items():
             encoding = self.encodings.get(name)
             if encoding is not None and torch.equal(encoding.decoded(), tensor.cpu()):
-                found |= {f"{name}{SEPARATOR}{part}": t for part, t in encoding.tensors().items()}
+                tensors |= {f"{name}{SEPARATOR}{part}": t for part, t in encoding.tensors().items()}
                 forms[name] = encoding.form
             else:
-                found[name] = tensor
-        return found, forms
+                tensors[name] = tensor
+        return tensors, forms
 
 
 def exists(directory: str | os.PathLike[str]) -> bool:

@@ -114,8 +114,8 @@ class Record:
     @classmethod
     def load_all(cls, folder: Path, kind: str, version: int, key: Mapping[str, Any] | None = None) -> dict[str, Record]:
         """All records in a folder that `load` finds, by file name without ".json"."""
-        found = {path.stem: cls.load(path, kind, version, key) for path in sorted(folder.glob("*.json"))}
-        return {name: record for name, record in found.items() if record is not None}
+        records = {path.stem: cls.load(path, kind, version, key) for path in sorted(folder.glob("*.json"))}
+        return {name: record for name, record in records.items() if record is not None}
 
 
 def write_json(path: Path, content: Mapping[str, Any]) -> None:

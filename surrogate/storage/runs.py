@@ -149,15 +149,15 @@ class RunFolder:
     def settings(self) -> TrainingSettings:
         """Those of training; raises ValueError where this version can't read them, FileNotFoundError where nobody knows them."""
         if self.record is not None:
-            place, found = self.folder / RECORD, self.record.settings
+            place, settings = self.folder / RECORD, self.record.settings
         else:
             place = self.model / models.RECORD
             stored = read_json(place)
             if stored is None:
                 raise FileNotFoundError(f"{self.folder} has no trained surrogate yet")
-            found = (stored.get("training") or {}).get("settings") or {}
+            settings = (stored.get("training") or {}).get("settings") or {}
         try:
-            return TrainingSettings.from_record(found)
+            return TrainingSettings.from_record(settings)
         except (TypeError, ValueError) as error:
             raise ValueError(f"the settings in {place} can't be read by this version: {error}") from error
 
@@ -183,12 +183,12 @@ def with_chosen_splits(
     record = RunRecord.load(folder) if folder is not None else None
     rules = (True, False) if record is not None else (True,)
     members, space = catalog.members, catalog.plan.space
-    found = [
+    candidates = [
         catalog.with_splits(choose_splits(members, space, shown, hold_out=hold_out, seed=seed, whole_runs=rule))
         for rule in rules
     ]
-    same = (seen for seen in found if record is not None and fingerprint(settings, seen) == record.fingerprint)
-    return next(same, found[0])
+    same = (seen for seen in candidates if record is not None and fingerprint(settings, seen) == record.fingerprint)
+    return next(same, candidates[0])
 
 
 def path_between(folder: Path, catalog: Path) -> str:

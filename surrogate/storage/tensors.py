@@ -49,12 +49,12 @@ def tensors_of(content: bytes) -> dict[str, Tensor]:
 
 def _parsed(header: bytes) -> Mapping[str, Any]:
     try:
-        found = json.loads(header)
+        values = json.loads(header)
     except (ValueError, RecursionError) as error:
         raise ValueError(f"its header is not JSON: {error}") from error
-    if not isinstance(found, dict):
+    if not isinstance(values, dict):
         raise ValueError("its header is not a JSON object")
-    return {name: value for name, value in found.items() if name != "__metadata__"}
+    return {name: value for name, value in values.items() if name != "__metadata__"}
 
 
 def _needed(header: Mapping[str, Any]) -> int:

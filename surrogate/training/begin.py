@@ -44,8 +44,8 @@ class TrainingOptions:
     @property
     def whole_budget(self) -> Budget:
         """The budget, or the default where neither it nor the settings say one."""
-        given = self.budget.minutes, self.budget.steps, *(self.settings.get(key) for key in STEP_KEYS)
-        return self.budget if any(given) else Budget(minutes=MINUTES)
+        choices = self.budget.minutes, self.budget.steps, *(self.settings.get(key) for key in STEP_KEYS)
+        return self.budget if any(choices) else Budget(minutes=MINUTES)
 
     def to_json(self) -> dict[str, Any]:
         """JSON values, for `run.json`."""
@@ -59,13 +59,13 @@ def read_settings(path: Path) -> dict[str, Any]:
     """
     try:
         tables = tomllib.loads(path.read_text(encoding="utf-8"))
-        found = tables.get("training", tables)
-        if not isinstance(found, dict):
-            raise ValueError(f"training must be a table, got {found!r}")
-        TrainingSettings.from_table(found)
+        table = tables.get("training", tables)
+        if not isinstance(table, dict):
+            raise ValueError(f"training must be a table, got {table!r}")
+        TrainingSettings.from_table(table)
     except ValueError as error:
         raise ValueError(f"settings {path}: {error}") from error
-    return found
+    return table
 
 
 def begin(
@@ -94,8 +94,8 @@ def begin(
     Source(first, seen, ranks)  # says what can't be learnt
     ranks.by_first(lambda: folder.mkdir(parents=True, exist_ok=True))
     try:
-        with ExitStack() as held:
-            ranks.by_first(lambda: held.enter_context(locked(folder)))
+        with ExitStack() as locks:
+            ranks.by_first(lambda: locks.enter_context(locked(folder)))
             settings, chosen = budgeted(options.settings, seen, options.whole_budget, elapsed, ranks)
             record = RunRecord(
                 path_between(folder, path),
@@ -180,9 +180,9 @@ def _disagreements(record: RunRecord, options: TrainingOptions) -> list[str]:
         if value is not None and value != record.asked.get(name)
     ]
     before = TrainingSettings.from_record(record.settings).to_json()
-    given = TrainingSettings.from_table(options.settings).to_json()
-    others = [key for key in options.settings if before.get(key) != given.get(key)]
-    return differing + [f"{key}={before.get(key)}, not {given.get(key)}" for key in others]
+    settings = TrainingSettings.from_table(options.settings).to_json()
+    others = [key for key in options.settings if before.get(key) != settings.get(key)]
+    return differing + [f"{key}={before.get(key)}, not {settings.get(key)}" for key in others]
 
 
 def _option(name: str, value: Any) -> str:

@@ -104,13 +104,13 @@ def rows(catalog: Catalog, appearances: Sequence[str]) -> list[ImageRow]:
 
 def training_rows(catalog: Catalog, appearances: Sequence[str]) -> list[ImageRow]:
     """The images to learn from; raises ValueError where there are none."""
-    kept = [row for row in rows(catalog, appearances) if row.split == "train"]
-    if not kept:
+    chosen = [row for row in rows(catalog, appearances) if row.split == "train"]
+    if not chosen:
         raise ValueError(
             f"catalog {catalog.path} holds no training images of {', '.join(appearances[:4]) or 'any appearance'}: at least "
             "one member of split train with a view of split train is needed"
         )
-    return kept
+    return chosen
 
 
 def validation_rows(catalog: Catalog, appearances: Sequence[str], count: int) -> list[ImageRow]:
@@ -118,20 +118,20 @@ def validation_rows(catalog: Catalog, appearances: Sequence[str], count: int) ->
 
     Validation views of validation members where there are any, else any view of those, else validation views.
     """
-    kept = [row for row in rows(catalog, appearances) if row.split == "validation"]
-    of_settings = [row for row in kept if row.setting is not None and row.setting.split == "validation"]
-    kept = of_settings or kept
-    of_members = [row for row in kept if row.member.split == "validation"]
+    chosen = [row for row in rows(catalog, appearances) if row.split == "validation"]
+    of_settings = [row for row in chosen if row.setting is not None and row.setting.split == "validation"]
+    chosen = of_settings or chosen
+    of_members = [row for row in chosen if row.member.split == "validation"]
     of_both = [row for row in of_members if row.member.view_splits[row.view] == "validation"]
-    kept = of_both or of_members or kept
-    if not kept or not count:
+    chosen = of_both or of_members or chosen
+    if not chosen or not count:
         return []
-    return [kept[i] for i in np.unique(np.linspace(0, len(kept) - 1, count).round().astype(int))]
+    return [chosen[i] for i in np.unique(np.linspace(0, len(chosen) - 1, count).round().astype(int))]
 
 
 def load_examples(
     catalog: Catalog,
-    wanted: Sequence[ImageRow],
+    images: Sequence[ImageRow],
     normalization: Normalization,
     variation: Variation | None = None,
     space: ParameterSpace | None = None,
@@ -141,12 +141,12 @@ def load_examples(
     Their parameters are the simulation's, on the scales of `space`, by default the catalog's, followed by the visualization
     parameters of `variation` where one is given.
     """
-    names = {(row.member.name, row.appearance): row for row in wanted}
+    names = {(row.member.name, row.appearance): row for row in images}
     scales = space or catalog.plan.space
     parameters = {name: normalized_parameters(scales, row, variation) for name, row in names.items()}
     camera = functools.cache(normalization.camera)  # most are shared
     with ThreadPoolExecutor(os.cpu_count()) as pool:
-        pixels = pool.map(lambda row: _pixels(catalog, row), wanted)
+        pixels = pool.map(lambda row: _pixels(catalog, row), images)
         return [
             Example(
                 camera(row.member.cameras[row.view]),
@@ -154,7 +154,7 @@ def load_examples(
                 image,
                 row.member.name,
             )
-            for row, image in zip(wanted, pixels, strict=True)
+            for row, image in zip(images, pixels, strict=True)
         ]
 
 

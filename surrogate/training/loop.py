@@ -115,8 +115,8 @@ class StageRun:
         target = torch.from_numpy(example.compared()).to(picture.device)  # [H, W, 3 or 4]
         loss = image_loss(picture, target)
         if self.data.values is not None and self.step % INTERVAL == 0 and isinstance(carriers, FieldGaussians):
-            known = self.data.values.loss(carriers, example.member, self.step * settings.batch + place)
-            loss = loss + INTERVAL * settings.field_value_weight * known
+            value_loss = self.data.values.loss(carriers, example.member, self.step * settings.batch + place)
+            loss = loss + INTERVAL * settings.field_value_weight * value_loss
         step.losses[place] = loss.detach()
         step.shown.append(gaussians)
         (loss / settings.batch).backward()
@@ -128,10 +128,10 @@ class StageRun:
             moved = torch.tensor([float(tensor.grad is not None) for tensor in tensors])
             for tensor in tensors:
                 tensor.grad = torch.zeros_like(tensor) if tensor.grad is None else tensor.grad
-            told = [*step.tensors(), moved]
-            on_device = [tensor.to(tensors[0].device) for tensor in told]
+            sums = [*step.tensors(), moved]
+            on_device = [tensor.to(tensors[0].device) for tensor in sums]
             self.data.ranks.add(*(tensor.grad for tensor in tensors if tensor.grad is not None), *on_device)
-            for own, summed in zip(told, on_device, strict=True):
+            for own, summed in zip(sums, on_device, strict=True):
                 own.copy_(summed)
             for tensor, any_moved in zip(tensors, moved.tolist(), strict=True):
                 tensor.grad = tensor.grad if any_moved else None
@@ -151,9 +151,9 @@ class StageRun:
         with torch.no_grad():
             gaussians = self.stage.gaussians_at(example.parameters)
         shown, floor = as_drawn(gaussians), self._rasterizer.constants.alpha_floor
-        found = first_infinite(self.stage.tensors) or first_infinite(shown) or first_huge(shown, floor)
-        if found:
-            raise self._diverged(found)
+        problem = first_infinite(self.stage.tensors) or first_infinite(shown) or first_huge(shown, floor)
+        if problem:
+            raise self._diverged(problem)
         if not is_faint(example, self._background) and not seen(shown, floor).any():
             raise self._diverged(f"no Gaussian is seen in a picture of {example.member}")
 

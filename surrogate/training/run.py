@@ -58,8 +58,8 @@ def train(
     _require_like_the_first(ranks, mark)
     if ranks.by_first(lambda: Surrogate.exists(directory)):
         return _finished(directory, mark)
-    with ExitStack() as held, one_torch_thread():
-        is_finished, checkpoint = ranks.by_first(lambda: _claimed(directory, mark, held))
+    with ExitStack() as locks, one_torch_thread():
+        is_finished, checkpoint = ranks.by_first(lambda: _claimed(directory, mark, locks))
         if is_finished:  # by another process, just now
             return _finished(directory, mark)
         session = TrainingSession(settings, directory, mark, _steps(source), progress, Interruption(), ranks=ranks)
@@ -69,10 +69,10 @@ def train(
     return surrogate
 
 
-def _claimed(directory: Path, mark: str, held: ExitStack) -> tuple[bool, Checkpoint | None]:
+def _claimed(directory: Path, mark: str, locks: ExitStack) -> tuple[bool, Checkpoint | None]:
     """Lock the folder as long as `held`; whether its surrogate is finished, else the checkpoint there."""
     directory.mkdir(parents=True, exist_ok=True)
-    held.enter_context(locked(directory))
+    locks.enter_context(locked(directory))
     if Surrogate.exists(directory):
         return True, None
     checkpoint = Checkpoint.load(directory)
@@ -170,8 +170,8 @@ def _finished(directory: Path, mark: str) -> Surrogate:
     return finished
 
 
-def _check_mark(found: str | None, mark: str, directory: Path) -> None:
-    if found != mark:
+def _check_mark(stored: str | None, mark: str, directory: Path) -> None:
+    if stored != mark:
         raise ValueError(
             f"{directory} holds a run with other training settings or of another catalog, and nothing is overwritten: "
             "delete or rename that folder, or train into another one"

@@ -96,7 +96,7 @@ def without(folder: Path, package: str, words: str, *more: str) -> subprocess.Co
     """A command in `folder` where packages can't be imported."""
     for name in ("field", "m_1", "m_2"):
         np.save(folder / f"{name}.npy", np.zeros((4, 4, 4)))
-    (folder / "a.nc").write_bytes(b"CDF\x05" + bytes(28))
+    (folder / "a.nc").write_bytes(b"CDF\x05" + bytes(44))
     (folder / "c.cdb").mkdir()
     (folder / "c.cdb" / "catalog.json").write_text(json.dumps({"schema": 1}))
     (folder / "run" / "surrogate").mkdir(parents=True)

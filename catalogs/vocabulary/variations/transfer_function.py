@@ -132,9 +132,9 @@ def _displaced_appearance(base: VolumeRendering, name: str, displacement: Sequen
     try:
         return replace(base, name=name, transfer_function=displaced(base.transfer_function, displacement))
     except ValueError as error:
-        given = dict(zip(POINT_PARAMETERS, displacement, strict=True))
+        displacements = dict(zip(POINT_PARAMETERS, displacement, strict=True))
         raise ValueError(
-            f"{name} moves the control points of {base.name} by {given} too far: {error}; take smaller steps, or a base "
+            f"{name} moves the control points of {base.name} by {displacements} too far: {error}; take smaller steps, or a base "
             "whose points lie farther from each other and from 0 and 1"
         ) from None
 
