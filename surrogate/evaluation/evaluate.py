@@ -22,6 +22,7 @@ from surrogate.evaluation.cases import (
     variation_validation,
 )
 from surrogate.evaluation.perceptual import PerceptualMetrics
+from surrogate.evaluation.pictures import DecodedImages, Images
 from surrogate.evaluation.predictor import Predictor, SurrogatePredictor
 from surrogate.evaluation.scoring import Cells, Report, Scored, by_cell, score_cases, spread
 from surrogate.evaluation.timing import Milliseconds, measure
@@ -117,7 +118,7 @@ class Evaluation:
 @one_torch_thread()
 def evaluate(surrogate: Surrogate, catalog: Catalog, *, progress: Report = lambda *_: None) -> Evaluation:
     """Score `surrogate` on the test and validation images of `catalog`."""
-    engine = _Engine(surrogate, catalog, progress, PerceptualMetrics.load())
+    engine = _Engine(surrogate, catalog, progress, PerceptualMetrics.load(), DecodedImages(catalog))
     appearance = str(surrogate.training["appearance"])
     cells, watched = base_cells(catalog, appearance), base_validation(catalog, appearance)
     judged, unseen = drawn(watched), {row: columns["unseen_parameters"] for row, columns in cells.items()}
@@ -142,6 +143,7 @@ class _Engine:
     catalog: Catalog
     progress: Report
     perceptual: PerceptualMetrics
+    images: Images
 
     def cells(
         self, stage: str, cells: CaseCells, validation: Sequence[Case], looked_into: Sequence[Sequence[Case]]
@@ -152,7 +154,7 @@ class _Engine:
         cases, progress = [*all_cases(cells), *validation], partial(self.progress, stage)
         predictor = SurrogatePredictor(self.surrogate.at, self.catalog.plan.background)
         [scores] = score_cases(
-            predictor, self.catalog, cases, perceptual=self.perceptual, looked_at=few, progress=progress
+            predictor, self.images, cases, perceptual=self.perceptual, looked_at=few, progress=progress
         )
         return by_cell(cells, scores), [scores[case] for case in validation]
 
@@ -166,13 +168,13 @@ class _Engine:
             return {**middle, **case.varied}
 
         frozen = SurrogatePredictor(self.surrogate.at, self.catalog.plan.background, at_middle, (AT_CENTER,))
-        [scores] = score_cases(frozen, self.catalog, all_cases(cells), progress=progress)
+        [scores] = score_cases(frozen, self.images, all_cases(cells), progress=progress)
         return by_cell(cells, scores)
 
     def baselines(self, stage: str, predictor: Predictor, groups: CaseGroups, **facts: Any) -> list[Baseline]:
         """Scores of a predictor on named groups of images, where it can predict them; `facts` are stated for all its names."""
         cases, progress = [case for group in groups.values() for case in group], partial(self.progress, stage)
-        scores = score_cases(predictor, self.catalog, cases, progress=progress)
+        scores = score_cases(predictor, self.images, cases, progress=progress)
         return [
             Baseline(name, {g: [scores_of[c] for c in group if c in scores_of] for g, group in groups.items()}, **facts)
             for name, scores_of in zip(predictor.names, scores, strict=True)
@@ -198,7 +200,9 @@ class _Engine:
         cases = [case for group in groups.values() for case in group]
         if not cases or not any(m.split == "train" and appearance in m.appearances for m in self.catalog.members):
             return []
-        pictures, mixtures = member_mixtures(self.catalog, self.surrogate.space, appearance, watched)
+        pictures, mixtures = member_mixtures(
+            self.images, self.catalog.members, self.surrogate.space, appearance, watched
+        )
         degrees = pictures.borrowed_degrees(cases)
         return self.baselines("trivial predictors", mixtures, groups, degrees=degrees)
 
@@ -212,7 +216,7 @@ class _Engine:
         shown = {
             name: (min(present), max(present)) for name, of in counts.items() if (present := list(filter(None, of)))
         }
-        mixtures = Mixtures(self.catalog, pictures, setting_rules(len(variation.space), variation.plural))
+        mixtures = Mixtures(self.images, pictures, setting_rules(len(variation.space), variation.plural))
 
         def at_nearest(case: Case) -> dict[str, float | str]:
             nearest = variation.setting(pictures.trained.nearest(pictures.place(case)))
@@ -230,6 +234,6 @@ class _Engine:
         pictures, cases = TrainedPictures.of(variation, space, members), [case for of in groups.values() for case in of]
         if pictures is None or not cases or not len(space):
             return []
-        mixtures = Mixtures(self.catalog, pictures, joint_rules(len(space), len(variation.space)))
+        mixtures = Mixtures(self.images, pictures, joint_rules(len(space), len(variation.space)))
         degrees = pictures.pictures.borrowed_degrees(cases)
         return self.baselines("trivial predictors from training members alone", mixtures, groups, degrees=degrees)

@@ -58,7 +58,18 @@ class SurrogatePredictor:
             batches.setdefault(tuple(self.parameters_of(case).items()), []).append(case)
         for parameters, batch in batches.items():
             deformed = self.at(dict(parameters))
-            yield batch, partial(self._drawn, deformed)
+            through: dict[int, list[Case]] = {}
+            for case in batch:
+                through.setdefault(id(case.camera), []).append(case)
+            if len(through) == len(batch):
+                yield batch, partial(self._drawn, deformed)
+                continue
+            for same in through.values():  # one picture for all
+                yield same, partial(_itself, self._drawn(deformed, same[0]))
 
     def _drawn(self, deformed: DeformedGaussians, case: Case) -> list[NDArray[np.float32]]:
         return [deformed.render(case.camera, background=self.background)]
+
+
+def _itself(pictures: list[NDArray[np.float32]], _: Case) -> list[NDArray[np.float32]]:
+    return pictures

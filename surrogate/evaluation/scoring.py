@@ -12,10 +12,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from catalogs.store.catalog import Catalog
 from surrogate.evaluation.cases import Case, CaseCells, each_cell
-from surrogate.evaluation.metrics import MOST_DECIBELS, WHITE, Score, composite, decibels, score
+from surrogate.evaluation.metrics import MOST_DECIBELS, Score, Truth, decibels
 from surrogate.evaluation.perceptual import Perceptual, PerceptualMetrics
+from surrogate.evaluation.pictures import Images
 from surrogate.evaluation.predictor import Draw, Predictor
 
 MEAN_ERROR = "psnr_of_mean_error"
@@ -31,6 +31,7 @@ DEFINITIONS = {
 
 Report = Callable[[str, int, int], None]  # stage, done, total
 Progress = Callable[[int, int], None]  # done, total
+Metrics = Callable[[Truth, NDArray[Any]], Score]
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,34 +62,35 @@ def mean(scored: Iterable[Scored], metric: str) -> float | None:
 
 def compare(
     case: Case,
-    truth: NDArray[Any],
+    truth: Truth,
     picture: NDArray[Any],
-    background: Sequence[float] | None,
     perceptual: PerceptualMetrics | None = None,
+    metrics: Metrics = Truth.score,
 ) -> Scored:
-    """Score a prediction of `case`; both images are premultiplied RGBA (H, W, 4), uint8 or float32."""
-    pair = (composite(image, background or WHITE) for image in (truth, picture))
-    return Scored(case, score(truth, picture, background), None if perceptual is None else perceptual.score(*pair))
+    """Score a prediction of `case`, premultiplied RGBA (H, W, 4), uint8 or float32."""
+    looked = None if perceptual is None else perceptual.score(truth.displayed, truth.composite(picture))
+    return Scored(case, metrics(truth, picture), looked)
 
 
 def score_cases(
     predictor: Predictor,
-    catalog: Catalog,
+    images: Images,
     cases: Sequence[Case],
     *,
     perceptual: PerceptualMetrics | None = None,
     looked_at: Collection[Case] = (),
     progress: Progress = lambda *_: None,
+    metrics: Metrics = Truth.score,
 ) -> list[dict[Case, Scored]]:
-    """Score a predictor on images of `catalog`: for each of its names the scores of all predictable cases, in order.
+    """Score a predictor on images of a catalog: for each of its names the scores of all predictable cases, in order.
 
     Images in `looked_at` are also scored by `perceptual` metrics.
     """
 
     def scored(case: Case, draw: Draw) -> list[Scored]:
-        truth, background = catalog.image(case.member, case.appearance, case.view), catalog.plan.background
-        metrics = perceptual if case in looked_at else None
-        return [compare(case, truth, picture, background, metrics) for picture in draw(case)]
+        truth = Truth(images.image(case.member, case.appearance, case.view), images.plan.background)
+        looking = perceptual if case in looked_at else None
+        return [compare(case, truth, picture, looking, metrics) for picture in draw(case)]
 
     by_case: dict[Case, list[Scored]] = {}
     waiting: Iterable[tuple[Case, list[Scored]]] = ()

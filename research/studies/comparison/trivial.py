@@ -58,4 +58,4 @@ def _predictors(task: ComparisonTask) -> dict[str, Predictor]:
 def _of_members(task: ComparisonTask) -> Predictor:
     appearance = task.source.appearance
     watched: list[Case] = base_validation(task.catalog, appearance)
-    return member_mixtures(task.catalog, task.source.space, appearance, watched)[1]
+    return member_mixtures(task.catalog, task.catalog.members, task.source.space, appearance, watched)[1]

@@ -7,9 +7,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from catalogs.store.catalog import Catalog
+from catalogs.store.catalog import Member
 from catalogs.vocabulary.parameters import ParameterSpace
 from surrogate.evaluation.cases import VALIDATION, Case, drawn
+from surrogate.evaluation.metrics import Truth
+from surrogate.evaluation.pictures import Images
 from surrogate.evaluation.scoring import mean, score_cases
 from surrogate.evaluation.trivial.interpolation import fixed_rules, tuned_rules
 from surrogate.evaluation.trivial.mixtures import MemberPictures, Mixtures
@@ -18,15 +20,18 @@ TUNING_IMAGES = 60  # validation images for the choice of a rule's constants
 
 
 def member_mixtures(
-    catalog: Catalog, space: ParameterSpace, appearance: str, watched: Sequence[Case]
+    images: Images, members: Sequence[Member], space: ParameterSpace, appearance: str, watched: Sequence[Case]
 ) -> tuple[MemberPictures, Mixtures]:
-    """Images of training members and all rules on them, with the constants that suit `watched` validation images best."""
-    members = [m for m in catalog.members if m.split == "train" and appearance in m.appearances]
-    pictures, rules = MemberPictures(space, appearance, members), fixed_rules(len(space))
+    """Images of training `members` and all rules on them, with the constants that suit `watched` validation images best."""
+    shown = [m for m in members if m.split == "train" and appearance in m.appearances]
+    pictures, rules = MemberPictures(space, appearance, shown), fixed_rules(len(space))
     tuning = drawn([case for case in watched if case.member.split == VALIDATION], TUNING_IMAGES)
-    for family in tuned_rules() if tuning else ():
-        scores = score_cases(Mixtures(catalog, pictures, family), catalog, tuning)
-        psnr = [mean(by_case.values(), "psnr") for by_case in scores]
-        best = int(np.argmax([-math.inf if value is None else value for value in psnr]))
+    families = tuned_rules() if tuning else []
+    tried = Mixtures(images, pictures, {name: rule for family in families for name, rule in family.items()})
+    scores = score_cases(tried, images, tuning, metrics=Truth.psnr_alone) if families else []
+    psnr = {name: mean(found.values(), "psnr") for name, found in zip(tried.names, scores, strict=True)}
+    for family in families:
+        values = [psnr[name] for name in family]
+        best = int(np.argmax([-math.inf if value is None else value for value in values]))
         rules |= [list(family.items())[best]]
-    return pictures, Mixtures(catalog, pictures, rules)
+    return pictures, Mixtures(images, pictures, rules)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Hashable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -75,6 +75,10 @@ class TrainedPictures:
         """All of the variation's."""
         return TrainedSettings.of(self.variation)
 
+    def key(self, case: Case) -> Hashable:
+        """See `Sources`."""
+        return self.pictures.key(case)
+
     def stored(self, case: Case) -> list[tuple[Member, str, int]]:
         """See `Sources`: member by member, all settings of each."""
         of_members = self.pictures.stored(case)
@@ -101,6 +105,10 @@ class SettingPictures:
     def trained(self) -> TrainedSettings:
         """All of the variation's."""
         return TrainedSettings.of(self.variation)
+
+    def key(self, case: Case) -> Hashable:
+        """See `Sources`."""
+        return case.member.name, case.view
 
     def stored(self, case: Case) -> list[tuple[Member, str, int]]:
         """See `Sources`; empty for a member without trained settings."""
