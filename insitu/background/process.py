@@ -6,8 +6,8 @@ It is connected by one socket, for small messages, and one piece of shared memor
 member after the other; a member's memory is used again once that is stored.
 
 A renderer crash neither raises in the loop nor blocks it.  When the renderer dies (a crash of the graphics driver, the system
-out of memory), another one starts and tries the member once more, a few times in a session.  A renderer that is silent for
-long is killed.  It ends with this process.
+out of memory), another one starts and tries the member once more, a few times until one is rendered.  A silent renderer is killed.
+It ends with this process.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ from insitu.members.request import MemberArguments
 from insitu.members.result import RenderedMember
 
 WAITING = 2  # members that may be held: one being rendered and one waiting
-RESTARTS = 5  # in a session
+RESTARTS = 5  # without a member that was rendered between them
 TRIES = 2  # of a member whose renderer dies
 SILENCE_SECONDS = 1800.0  # without an image, after which a renderer counts as stuck
 TICK_SECONDS = 0.5
@@ -242,6 +242,8 @@ class Background:
         self._settled_some = True
         for note in notes:
             self._warn(UserWarning(f"member {task.name}: {note}"))
+        if not isinstance(outcome, str):
+            self._deaths = 0
         self._settled(task.name, task.parameters, outcome)
 
     def _give_up(self, reason: str) -> None:

@@ -19,6 +19,7 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -29,6 +30,8 @@ from insitu.members.result import RenderedMember
 
 AXES = (("x", "i"), ("y", "j"), ("z", "k"))
 ASSOCIATIONS = ("vertex", "element")
+MOST_POINTS = 2**31 - 1  # along an axis, in VTK
+WITHOUT_VTK = {"e": np.float32, "g": np.float64}  # types that VTK lacks, and what stands for them
 
 
 @dataclass(frozen=True)
@@ -43,12 +46,16 @@ class BlueprintSession:
         `state/time` is the member's time unless `time` is given; `state/cycle` and `state/domain_id` are recorded.
         Raises ValueError naming the path in the mesh that can't be drawn; nothing was written then.
         """
-        leaves = dict(_leaves(mesh))
-        options.setdefault("time", _state(leaves, "time", float))
-        state = {name: _state(leaves, name, int) for name in ("cycle", "domain_id")}
+        try:
+            leaves = dict(_leaves(mesh))
+            options.setdefault("time", _state(leaves, "time", float))
+            state = {name: _state(leaves, name, int) for name in ("cycle", "domain_id")}
+            field = partial(data_set, leaves)
+        except ValueError as error:  # the session decides what becomes of it, on all ranks
+            state, field = {}, partial(_fail, error)
         known = {name: value for name, value in state.items() if value is not None}
         provenance = {**known, **(options.pop("provenance", None) or {})}
-        return self.session.render_member(data_set(mesh), parameters, provenance=provenance, **options)
+        return self.session.render_member(field, parameters, provenance=provenance, **options)
 
     def finalize(self) -> None:
         """Let go of the catalog; see `Session.close`."""
@@ -96,8 +103,8 @@ def _uniform(leaves: Mapping[str, Any], place: str) -> Any:
     import pyvista
 
     dims = [_number(leaves, f"{place}/dims/{index}") for _, index in AXES]
-    if any(n != int(n) or n < 2 for n in dims):
-        raise ValueError(f"{place}/dims must be at least 2 points along i, j and k, got {dims}")
+    if any(n != int(n) or not 2 <= n <= MOST_POINTS for n in dims):
+        raise ValueError(f"{place}/dims must be at least 2 points along i, j and k, at most {MOST_POINTS}, got {dims}")
     spacing = [_number(leaves, f"{place}/spacing/d{axis}", 1.0) for axis, _ in AXES]
     if min(spacing) <= 0:
         raise ValueError(f"{place}/spacing must be positive, got {spacing}")
@@ -130,10 +137,13 @@ def _values(leaves: Mapping[str, Any], path: str) -> NDArray[Any]:
     """Numbers [N] at `path`; of more axes, in C order."""
     if any(other.startswith(f"{path}/") for other in leaves):
         raise ValueError(f"{path} has components: give the one to draw, or a magnitude, as a field of its own")
-    values = np.asarray(_leaf(leaves, path))
+    try:
+        values = np.asarray(_leaf(leaves, path))
+    except ValueError as error:
+        raise ValueError(f"{path} must be one array of numbers: {error}") from error
     if values.dtype.kind not in "fiu":
         raise ValueError(f"{path} must hold real numbers, got {values.dtype}")
-    return values.reshape(-1)
+    return values.reshape(-1).astype(WITHOUT_VTK.get(values.dtype.char, values.dtype), copy=False)
 
 
 def _leaves(node: Any, path: str = "") -> Iterator[tuple[str, Any]]:
@@ -189,6 +199,10 @@ def _number(leaves: Mapping[str, Any], path: str, default: float | None = None) 
     if number.size != 1 or number.dtype.kind not in "fiu" or not np.isfinite(number).all():
         raise ValueError(f"{path} must be one finite number, got {value!r}")
     return float(number.reshape(-1)[0])
+
+
+def _fail(error: Exception) -> None:
+    raise error
 
 
 def _state(leaves: Mapping[str, Any], name: str, kind: type) -> Any:

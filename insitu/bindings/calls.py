@@ -6,6 +6,7 @@ import math
 import sys
 import warnings
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from functools import partial
 from typing import Any
 
@@ -205,4 +206,5 @@ def _time(time: float) -> float | None:
 
 def _warn(note: Warning) -> None:
     """Warnings go to standard error: there is no line of Python to name."""
-    sys.stderr.write(warnings.formatwarning(note, type(note), "insitu", 0).split(": ", 1)[-1])
+    with suppress(AttributeError, OSError, ValueError):  # the program may have closed it
+        sys.stderr.write(warnings.formatwarning(note, type(note), "insitu", 0).split(": ", 1)[-1])

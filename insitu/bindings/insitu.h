@@ -1,8 +1,8 @@
 /* Render the members of an ensemble from a simulation in C or C++; see docs/embedding.md.
 
-   Every function returns 0, or 1 where it failed, and insitu_error() says why.  A call that failed changes nothing.  With MPI all
-   ranks call all of them, in the same order; insitu_initialize_mpi, insitu_render and insitu_has fail on all ranks together.  Calls
-   from several threads wait for one another.  Floating-point traps and signal handlers of the program stay as they are. */
+   Every function returns 0, or 1 where it failed, and insitu_error() says why.  A call that failed changes nothing, but insitu_render
+   forgets the fields in any case.  With MPI all ranks call all of them, in the same order; insitu_initialize_mpi, insitu_render and
+   insitu_has fail on all ranks together.  Calls from several threads wait for one another.  Floating-point traps and signal handlers of the program stay as they are. */
 #ifndef INSITU_H
 #define INSITU_H
 #ifdef __cplusplus

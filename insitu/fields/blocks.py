@@ -142,7 +142,7 @@ class Blocks:
                 )
 
     def _check_layers(self, share: Share | None, reason: str) -> None:
-        """Where blocks of one spacing fill no grid, some may have forgotten their ghost layers.  Collective."""
+        """Blocks of one spacing that fill no grid may have forgotten their ghost layers.  Collective."""
         known = [
             (rank, s) for rank, s in enumerate(self.ranks.gather(share and (share.layers, share.own.spacing))) if s
         ]

@@ -181,7 +181,7 @@ def disagreement(ranks: RankGroup, said: Mapping[str, Any]) -> str:
 
 
 def _plain(value: Any) -> Any:
-    """What can be sent and compared of a value: numbers as float, other objects in words."""
+    """A value that can be sent and compared: numbers as float, other objects in words."""
     if value is None or isinstance(value, str):
         return value
     if isinstance(value, Mapping):

@@ -182,6 +182,8 @@ def disagreements(folder: Path, boxes: Any, told: dict[str, Any]) -> None:
             rendered("bad ghosts", ghosts=-1 if odd else 0)
             rendered("ghosts", ghosts=1 if odd else 0)
             told["has"] = outcome(lambda: session.has({"p": 0.5 if odd else 0.0}))
+            odd_mesh = None if odd else mesh(part, place)
+            told["mesh"] = outcome(lambda: BlueprintSession(session).execute(odd_mesh, {"p": 0.7}))
             rendered("rounding", parameters={"p": np.float32(0.1) if odd else 0.1})
             rendered("no block", None if COMM.rank == 3 else part[:2], parameters={"p": 0.2}, nan="transparent")
         told["policy"] = outcome(lambda: Session(folder / "x.cdb", **{**options, "nan": "none" if odd else "refuse"}))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import signal
 import subprocess
 import sys
 import time
@@ -242,6 +243,24 @@ def test_renderers_are_not_started_for_ever(session: Session, said: list[str], m
     assert len(session.failures) == 6
     assert len(said) <= 6 + background.RESTARTS + 1
     assert not session.path.exists()
+
+
+@pytest.mark.slow
+def test_members_that_kill_renderers_leave_the_others_alone(
+    session: Session, said: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(background, "RESTARTS", 1)
+    for number, width in enumerate((0.2, 0.3, 0.4), 1):  # each after one that killed its renderer by a fault of C++
+        render(session, width)
+        while len(session.results) < number:
+            time.sleep(0.01)
+        os.kill(renderer(session).pid, signal.SIGSEGV)
+        os.waitid(os.P_PID, renderer(session).pid, os.WEXITED | os.WNOWAIT)
+    render(session, 0.5)
+    session.close()
+    assert [r.name for r in session.results] == ["width-0.2", "width-0.3", "width-0.4", "width-0.5"]
+    assert session.failures == {}
+    assert all("SIGSEGV" in note for note in said)
 
 
 def test_without_an_interpreter_members_are_missing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

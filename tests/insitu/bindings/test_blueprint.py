@@ -104,6 +104,20 @@ def test_pictures_equal_those_of_the_hook(tmp_path: Path, given: Any, origin: fl
     assert (record["time"], record["cycle"]) == (2.5, 7)
 
 
+@pytest.mark.parametrize("dtype", ["f2", "g", ">f8", ">i4", "u1"])
+def test_numbers_of_any_type_are_taken(dtype: str) -> None:
+    values = np.arange(1320) % 100
+    data = data_set(mesh(**{"fields/q/values": values.astype(dtype)}))
+    np.testing.assert_array_equal(np.asarray(data.point_data["q"]), values)
+
+
+def test_a_mesh_that_is_none_is_a_failure_like_others(tmp_path: Path) -> None:
+    run = initialize(tmp_path / "a.cdb", on_error="warn", **PLAN)
+    with pytest.warns(UserWarning, match="a mesh is one mapping"):
+        assert "a mesh is one mapping" in str(run.execute(None, {"Re": 150.0}).error)
+    run.finalize()
+
+
 def test_values_are_not_copied() -> None:
     values = FIELD.reshape(-1).copy()
     data = data_set(mesh(**{"fields/q/values": values}))
@@ -119,6 +133,10 @@ def test_values_are_not_copied() -> None:
         ({"topologies/second/type": "uniform"}, "exactly one of topologies"),
         ({"coordsets/coords/dims/k": None}, "no coordsets/coords/dims/k"),
         ({"coordsets/coords/dims/k": 1}, "at least 2 points"),
+        ({"coordsets/coords/dims/k": -1}, "at least 2 points"),
+        ({"coordsets/coords/dims/k": 1 << 40}, "at most 2147483647"),
+        ({"fields/q/values": [[1.0], [1.0, 2.0]]}, "fields/q/values must be one array of numbers"),
+        ({"fields/q/values": [None] * 1320}, "must hold real numbers"),
         ({"coordsets/coords/spacing/dx": -0.1}, "spacing must be positive"),
         ({"coordsets/coords/origin/x": float("nan")}, "origin/x must be one finite number"),
         ({"fields/q/association": "edge"}, "association must be one of"),

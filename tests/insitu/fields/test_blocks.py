@@ -109,6 +109,7 @@ def test_a_rank_that_disagrees_is_named_on_all(tmp_path: Path) -> None:
         "bad ghosts": "ValueError: rank 2 of 4: ghosts must be a number of layers",
         "ghosts": "ValueError: the blocks fill no grid (the blocks leave ",
         "has": "ValueError: rank 0 gives parameters = {'p': 0.0}, rank 2 {'p': 0.5}" + together,
+        "mesh": "ValueError: rank 2 of 4: a mesh is one mapping",
         "rounding": "rendered",
         "policy": "ValueError: rank 2 of 4: nan must be one of",
         "background": "ValueError: rank 2 of 4: background= and comm= can't be combined",
