@@ -6,8 +6,8 @@ It is connected by one socket, for small messages, and one piece of shared memor
 member after the other; a member's memory is used again once that is stored.
 
 A renderer crash neither raises in the loop nor blocks it.  When the renderer dies (a crash of the graphics driver, the system
-out of memory), another one starts and tries the member once more, a few times until one is rendered.  A silent renderer is killed.
-It ends with this process.
+out of memory), another one starts and tries the member once more, a few times in a row.  A silent renderer is
+killed.  It ends with this process.
 """
 
 from __future__ import annotations

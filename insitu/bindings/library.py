@@ -44,51 +44,63 @@ def connect(ffi: Any) -> None:
     ffi.def_extern(name="insitu_python_error")(error)
 
 
-def _on_pointers(ffi: Any, calls: LibraryCalls) -> Mapping[str, Callable[..., int]]:
-    """The functions by name; they raise ValueError for pointers and texts that can't be used."""
+class _Pointers:
+    """Pointers of C as values of Python; raises ValueError for those that can't be used."""
 
-    def present(pointer: Any, what: str) -> Any:
-        if pointer == ffi.NULL:
+    def __init__(self, ffi: Any) -> None:
+        self._ffi = ffi
+
+    def present(self, pointer: Any, what: str) -> Any:
+        if pointer == self._ffi.NULL:
             raise ValueError(f"{what} must be given, got NULL")
         return pointer
 
-    def text(pointer: Any, what: str) -> str:
-        found: bytes = ffi.string(present(pointer, what))
+    def text(self, pointer: Any, what: str) -> str:
+        found: bytes = self._ffi.string(self.present(pointer, what))
         try:
             return found.decode()
         except UnicodeDecodeError:
             raise ValueError(f"{what} must be UTF-8 text, got {found!r}") from None
 
-    def path(pointer: Any) -> str:
-        return "" if pointer == ffi.NULL else os.fsdecode(ffi.string(pointer))
+    def path(self, pointer: Any) -> str:
+        return "" if pointer == self._ffi.NULL else os.fsdecode(self._ffi.string(pointer))
 
-    def three(pointer: Any, what: str) -> list[Any]:
-        return list(present(pointer, f"{what}, three numbers (x, y, z),")[0:3])
+    def three(self, pointer: Any, what: str) -> list[Any]:
+        return list(self.present(pointer, f"{what}, three numbers (x, y, z),")[0:3])
+
+    def field(self, name: Any, values: Any, shape: Any) -> tuple[str, list[int]]:
+        """The name of a field and its shape."""
+        called = self.text(name, "the name of a field")
+        self.present(values, f"field {called!r}: values")
+        return called, self.three(shape, f"field {called!r}: shape")
+
+
+def _on_pointers(ffi: Any, calls: LibraryCalls) -> Mapping[str, Callable[..., int]]:
+    """The functions by name; they raise ValueError for pointers and texts that can't be used."""
+    read = _Pointers(ffi)
 
     def initialize(scene: Any, catalog: Any, has_ranks: int, communicator: int) -> int:
-        return calls.initialize(path(scene), path(catalog), _communicator(communicator) if has_ranks else None)
+        return calls.initialize(
+            read.path(scene), read.path(catalog), _communicator(communicator) if has_ranks else None
+        )
 
     def set_parameter(name: Any, value: float) -> int:
-        return calls.set_parameter(text(name, "the name of a parameter"), value)
+        return calls.set_parameter(read.text(name, "the name of a parameter"), value)
 
     def set_grid(spacing: Any, origin: Any) -> int:
-        return calls.set_grid(three(spacing, "spacing"), three(origin, "origin"))
+        return calls.set_grid(read.three(spacing, "spacing"), read.three(origin, "origin"))
 
     def set_ghosts(layers: Any) -> int:
-        return calls.set_ghosts(three(layers, "layers"))
+        return calls.set_ghosts(read.three(layers, "layers"))
 
     def set_field(name: Any, values: Any, number: int, shape: Any) -> int:
-        called, dtype = text(name, "the name of a field"), _type(number)
-        present(values, f"field {called!r}: values")
-        counts = three(shape, f"field {called!r}: shape")
+        (called, counts), dtype = read.field(name, values, shape), _type(number)
         return calls.set_field(
             called, counts, lambda count: np.frombuffer(ffi.buffer(values, count * dtype.itemsize), dtype)
         )
 
     def copy_field(name: Any, values: Any, number: int, shape: Any, strides: Any) -> int:
-        called, dtype = text(name, "the name of a field"), _type(number)
-        present(values, f"field {called!r}: values")
-        counts = three(shape, f"field {called!r}: shape")
+        (called, counts), dtype = read.field(name, values, shape), _type(number)
         steps = None if strides == ffi.NULL else list(strides[0:3])
 
         def copied(count: int) -> NDArray[Any]:
