@@ -30,7 +30,7 @@ COMPONENTS = {
 CELLS = ("cells", "vertices", "lines", "polygons", "triangle_strips")
 PLACE = ("dataset", "dimensions", "extent", "origin", "spacing", "aspect_ratio")
 BLOCK = 1 << 22
-LINE = 1 << 12  # bytes: longer ones are no keywords
+LINE = 1 << 12  # bytes: longer ones hold data
 
 
 class _UnknownPart(Exception):

@@ -192,7 +192,7 @@ def _mesh(arrays: Arrays, cells: int) -> tuple[VoronoiMesh, float]:
         )
     a, b, c, d = (arrays.arrays[name].read().astype(np.float64) for name in names)
     edges = arrays.arrays["nEdgesOnCell"].read()
-    with np.errstate(invalid="ignore"):  # numbers that were never written, which are no cell's
+    with np.errstate(invalid="ignore"):  # numbers that were never written, of no cell
         around, meeting = (arrays.arrays[n].read().astype(np.int64) - 1 for n in ("verticesOnCell", "cellsOnVertex"))
     if a.shape != (cells,) or edges.shape != (cells,) or around.shape[:1] != (cells,):
         raise ValueError(f"the mesh has {a.shape} cells, the field {cells}")

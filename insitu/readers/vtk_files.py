@@ -96,7 +96,7 @@ def _only(array: str, held: Sequence[Any], found: Any) -> Any:
 
 
 class _OneReader:
-    """What one of VTK's readers says and reads."""
+    """One of VTK's readers: its messages and its data."""
 
     def __init__(self, path: Path) -> None:
         check_whole(path)
