@@ -73,7 +73,8 @@ class FileEnsemble:
 
     def __repr__(self) -> str:
         shown = ", ".join(self.arrays) or "one array"
-        return f"FileEnsemble: {len(self)} files of {shown}"
+        count = len({row.path for row in self.rows.values()})
+        return f"FileEnsemble: {len(self)} members in {count} files of {shown}"
 
     def __str__(self) -> str:
         return f"{self!r}\n  " + ", ".join(f"{p.name} [{p.low:g}, {p.high:g}]{p.unit}" for p in self.space.parameters)

@@ -17,6 +17,10 @@ SPLIT = "split"
 SPLIT_WORDS = {"training": "train", "val": "validation", "valid": "validation", "testing": "test"}
 LOWER, UPPER = ("lower", "low", "min", "lower_bounds", "minimum"), ("upper", "high", "max", "upper_bounds", "maximum")
 BOTH = ("bounds", "ranges", "limits", "parameter_bounds", "parameter_ranges", "param_bounds")
+# CF's attributes that name arrays which describe another; those of the second kind write "term: name".
+DESCRIBING = ("bounds", "climatology", "grid_mapping", "ancillary_variables", "coordinates")
+DESCRIBING_BY_TERM = ("cell_measures", "formula_terms")
+TIMES = {"time", "times", "t", "time_counter", "xtime"}  # in lower case
 NAMES = ("names", "parameter_names", "param_names", "columns", "labels")
 
 
@@ -31,6 +35,40 @@ def wanted_array(arrays: Arrays, name: str) -> StoredArray | None:
         return arrays.arrays[name]
     ends = [a for a in arrays.arrays.values() if a.stem == name]
     return ends[0] if len(ends) == 1 else None
+
+
+def auxiliaries(arrays: Arrays, *, but: str = "") -> set[str]:
+    """Paths of the arrays that describe others by CF's attributes, save those that `but` alone names.
+
+    They are fields or parameters only where the user says so.
+    """
+    found: set[str] = set()
+    about = [(a.group, a.attrs) for a in arrays.arrays.values()] + list(arrays.attrs.items())
+    for group, attrs in about:
+        for key in (*DESCRIBING, *DESCRIBING_BY_TERM):
+            stated = attrs.get(key)
+            if key == but or not isinstance(stated, str | bytes):
+                continue
+            words = as_text(stated).split()
+            named = [word for word in words if not word.endswith(":")] if key in DESCRIBING_BY_TERM else words
+            found |= {path for word in named if (path := _nearest(arrays, group, word.rstrip(":")))}
+    return found
+
+
+def is_time(array: StoredArray) -> bool:
+    """True if an array holds times, by its attributes or its name."""
+    about = {key: as_text(array.attrs.get(key, "")).lower() for key in ("axis", "standard_name", "units")}
+    stated = about["axis"] == "t" or about["standard_name"] == "time" or " since " in about["units"]
+    return stated or array.stem.lower() in TIMES
+
+
+def _nearest(arrays: Arrays, group: str, name: str) -> str:
+    """The path of an array that is named in a group, in it or above; "" where there is none."""
+    while group:
+        if f"{group}/{name}" in arrays.arrays:
+            return f"{group}/{name}"
+        group = group.rpartition("/")[0]
+    return name.strip("/") if name.strip("/") in arrays.arrays else ""
 
 
 def table_of(array: StoredArray) -> tuple[NDArray[np.float64], tuple[str, ...]]:

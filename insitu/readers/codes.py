@@ -8,7 +8,7 @@ from functools import lru_cache
 from pathlib import Path
 
 from catalogs import plugins
-from insitu.readers import adios, amrex, cloverleaf, mpas, openpmd, the_well, vtk_files, xcompact3d
+from insitu.readers import adios, amrex, cloverleaf, mpas, openpmd, stores, the_well, vtk_files, xcompact3d
 from insitu.readers.reader import Reader
 
 OURS: tuple[Reader, ...] = (
@@ -17,6 +17,7 @@ OURS: tuple[Reader, ...] = (
     cloverleaf.READER,
     mpas.READER,
     openpmd.READER,
+    stores.READER,
     the_well.READER,
     xcompact3d.READER,
     vtk_files.READER,

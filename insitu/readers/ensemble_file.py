@@ -19,6 +19,7 @@ inside the simulated one, and no value is averaged.
 from __future__ import annotations
 
 import os
+import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -112,11 +113,15 @@ class StoredEnsemble:
         return self.layout.fields
 
     def members(self, validation: int = 0, seed: int = 0) -> tuple[PlannedMember, ...]:
-        """All members, named by their place in the file; `validation` of the training ones, drawn by `seed`."""
-        names = self.space.names
+        """All members, named by their place in the file; `validation` of the training ones, drawn by `seed`.
+
+        Of those with the same parameters the last, which a run that was restarted wrote again.
+        """
+        names, lasts = self.space.names, {row: i for i, row in enumerate(self.parameters)}
         planned = [
             PlannedMember(f"member-{i:04d}", dict(zip(names, row, strict=True)), split)
             for i, (row, split) in enumerate(zip(self.parameters, self.splits, strict=True))
+            if lasts[row] == i
         ]
         return with_validation(planned, validation, seed)
 
@@ -187,6 +192,11 @@ def _described(
     if not np.isfinite(layout.values).all():
         first = int(np.argwhere(~np.isfinite(layout.values))[0, 0])
         raise ValueError(f"parameters must be finite, those of member {first} are not")
+    unique, counts = np.unique(layout.values, axis=0, return_counts=True)
+    if len(unique) < len(layout.values):
+        says = ", ".join(f"{n} {v:g}" for n, v in zip(layout.names, unique[counts > 1][0], strict=False))
+        count = len(layout.values) - len(unique)
+        warnings.warn(f"{count} states stand twice in a file, the later one is taken: {says} in {path}", stacklevel=4)
     array, names = held[0], axis_names(arrays, held[0])[-3:]
     along = {name: arrays.coordinate(array, name) for name in names}
     order = axis_order(names, mapped.dims, {n: a.attrs for n, a in along.items() if a is not None})

@@ -17,7 +17,7 @@ from insitu.fields.field import Field
 from insitu.fields.location import FieldLocation
 from insitu.readers import vtk_files
 from insitu.readers.arrays import Arrays, StoredArray, check_room, is_store, open_arrays
-from insitu.readers.attributes import wanted_array
+from insitu.readers.attributes import auxiliaries, wanted_array
 from insitu.readers.codes import reader_of
 from insitu.readers.folders import is_folder_file
 from insitu.readers.gzip_files import unpacked
@@ -116,7 +116,8 @@ def _of_code(
     if code.opens is not None:
         index = index or code.states(path, sampling)[0].index
         with code.reading(path), code.opens(path) as arrays:
-            return placed_field(arrays, volume(arrays, array, len(index)), index, location)
+            held = volume(arrays, array, len(index))
+            return placed_field(arrays, held, index if len(held.shape) > 3 else (), location)
     with code.reading(path):
         assert code.read is not None, "it has neither read nor opens"
         found = code.read(path, array, index, sampling)
@@ -189,7 +190,9 @@ def volume(arrays: Arrays, name: str | None, states: int = 0) -> StoredArray:
         if found is None or not found.is_real:
             raise ValueError(f"there is no array {name!r} of numbers; the file holds {arrays}")
         return found
-    volumes = [a for a in arrays.arrays.values() if a.is_real and sum(size > 1 for size in a.shape[states:]) == 3]
+    aside = auxiliaries(arrays)
+    held = [a for a in arrays.arrays.values() if a.is_real and a.name not in aside]
+    volumes = [a for a in held if sum(size > 1 for size in a.shape[states:]) == 3]
     if len(volumes) != 1:
         raise ValueError(f"name the array to render; the file holds {arrays}")
     return volumes[0]

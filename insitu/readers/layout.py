@@ -24,8 +24,10 @@ from insitu.readers.attributes import (
     SPLIT,
     as_text,
     asking,
+    auxiliaries,
     column_names,
     column_units,
+    is_time,
     numbers_of,
     table_of,
     wanted_array,
@@ -46,6 +48,8 @@ NO_PARAMETERS = {
     "add_offset",
     "_FillValue",
     "missing_value",
+    "valid_min",
+    "valid_max",
 }
 
 
@@ -112,7 +116,7 @@ def find_layout(arrays: Arrays, mapped: FileMapping) -> EnsembleLayout:
             raise ValueError(f"dataset {array.name!r} must hold real numbers, got {array.dtype}")
     if wanted and len(wanted) == max(1, len(mapped.fields)) and all(len(a.shape) >= 4 for a in wanted):
         return _stacked(arrays, mapped, wanted)
-    stacked = [a for a in arrays.arrays.values() if a.is_real and len(a.shape) >= 4 and min(a.shape[-3:]) >= 2]
+    stacked = stacked_fields(arrays)
     if len(stacked) > 1 and not mapped.fields:
         raise asking(arrays, [f"--array, which of {[a.name for a in stacked]} holds the field"])
     if stacked and not mapped.fields:
@@ -128,6 +132,13 @@ def find_layout(arrays: Arrays, mapped: FileMapping) -> EnsembleLayout:
         asked = lacking or "(member, z, y, x), nor one (z, y, x) for each member"
         raise ValueError(f"there is no field {asked}; the file holds {arrays}")
     return found
+
+
+def stacked_fields(arrays: Arrays) -> list[StoredArray]:
+    """The arrays of numbers with more axes than a field has, but those that describe others."""
+    aside = auxiliaries(arrays)
+    held = [a for a in arrays.arrays.values() if a.name not in aside]
+    return [a for a in held if a.is_real and len(a.shape) >= 4 and min(a.shape[-3:]) >= 2]
 
 
 # ---- one array for all members ---------------------------------------------------------------------------------------
@@ -171,20 +182,27 @@ def _columns(
         lacking = [n for n, a in zip(mapped.parameters, found, strict=True) if a is None or a.shape[:1] != (count,)]
         if lacking:
             raise ValueError(f"--parameters {lacking} are not arrays of {count} members; the file holds {arrays}")
-        held = [a for a in found if a is not None]
-        return (held[0], []) if len(held) == 1 and (len(held[0].shape) == 2 or held[0].dtype.names) else (None, held)
-    known = [a for a in arrays.arrays.values() if a.stem in TABLES and (len(a.shape) == 2 or a.dtype.names)]
+        asked = [a for a in found if a is not None]
+        is_table = len(asked) == 1 and (len(asked[0].shape) == 2 or asked[0].dtype.names)
+        return (asked[0], []) if is_table else (None, asked)
+    aside = auxiliaries(arrays, but="coordinates")
+    held = [a for a in arrays.arrays.values() if a.name not in aside and a.name != field.name]
+    known = [a for a in held if a.stem in TABLES and (len(a.shape) == 2 or a.dtype.names)]
     if len(known) == 1 and known[0].shape[0] != count:
         raise ValueError(
             f"{field.name!r} has {count} members and {known[0].name!r} {known[0].shape[0]}: they must agree"
         )
-    tables = [a for a in arrays.arrays.values() if _is_table(a, count)]
+    single = [a for a in held if _is_single(a, count) and _along_members(a, field)]
+    times = [a for a in single if is_time(a)]
+    times = [a for a in times if a.dims == (a.stem,)] or times
+    if times and not known and field.dims[0]:  # what else goes with time is an outcome
+        return None, times[:1]
+    tables = [a for a in held if _is_table(a, count) and len({*field.dims[:1], *a.dims[:1]} - {""}) < 2]
     tables = [a for a in tables if a.stem in TABLES] or tables
     if len(tables) == 1:
         return tables[0], []
     if tables:
         raise asking(arrays, [f"--parameters, which of {[a.name for a in tables]} holds the members' parameters"])
-    single = [a for a in arrays.arrays.values() if _is_single(a, count) and _along_members(a, field)]
     if not single:
         named = field.dims[0] if field.dims else ""
         if not named:
@@ -251,7 +269,9 @@ def _own_units(mapped: FileMapping, arrays: Sequence[StoredArray]) -> tuple[str,
 
 def _separate(arrays: Arrays, mapped: FileMapping) -> EnsembleLayout | None:
     """The layout where members lie apart; None where no array could be one's field."""
-    volumes = [a for a in arrays.arrays.values() if a.is_real and len(a.shape) == 3 and min(a.shape) >= 2]
+    aside = auxiliaries(arrays)
+    held = [a for a in arrays.arrays.values() if a.name not in aside]
+    volumes = [a for a in held if a.is_real and len(a.shape) == 3 and min(a.shape) >= 2]
     groups: dict[str, list[StoredArray]] = {}
     for array in volumes:
         groups.setdefault(array.group, []).append(array)

@@ -9,7 +9,9 @@ from dataclasses import replace
 from pathlib import Path
 
 from catalogs.vocabulary.words import shortened
-from insitu.readers import vtk_files
+from insitu.readers import stores, vtk_files
+from insitu.readers.arrays import is_store
+from insitu.readers.attributes import TIMES
 from insitu.readers.codes import listed_readers, reader_of
 from insitu.readers.files import is_field_file
 from insitu.readers.folders import files_below, is_folder_file
@@ -18,7 +20,6 @@ from insitu.readers.tables import MemberTable, TableRow, distinct
 
 LOOKED_AT = 16  # files, spread over all, that show of which code they are
 COUNTERS = {"step", "iteration", "snapshot", "cycle"}  # numbers of states that count what was written, or computed
-TIMES = {"time", "t", "redshift"}
 SAME = 1e-9  # relative deviation at which a number of a table still names the state of a file
 
 
@@ -61,13 +62,16 @@ def no_ensemble(source: str) -> ValueError:
 
 def reader_for(paths: Sequence[Path], name: str = "") -> Reader | None:
     """The one reader of some files, of which not all are looked at; raises ValueError where they are of several codes."""
-    some = paths[:: max(1, len(paths) // LOOKED_AT)]
-    readers = {reader.name if reader else "": reader for reader in (reader_of(path, name) for path in some)}
+    readers = {reader.name if reader else "": reader for reader in (reader_of(path, name) for path in _some(paths))}
     if len(readers) > 1:
         raise ValueError(
             f"the files are of several kinds, {sorted(readers)}: name one kind at a time, or choose by --reader"
         )
     return next(iter(readers.values()))
+
+
+def _some(paths: Sequence[Path]) -> Sequence[Path]:
+    return paths[:: max(1, len(paths) // LOOKED_AT)]
 
 
 def members_of(
@@ -83,7 +87,10 @@ def members_of(
     Other arguments are those of `with_states`.
     """
     found = listed(True)
-    reader = reader_for([row.path for row in found.rows], name)
+    paths = [row.path for row in found.rows]
+    reader = reader_for(paths, name)
+    if reader is stores.READER or (reader is None and any(stores.has_states(path, arrays) for path in _some(paths))):
+        reader = stores.reader_of_fields(arrays)
     if reader is None:
         return listed(False).only(wanted), ""
     return with_states(found, reader, sampling, wanted, arrays), reader.name
@@ -146,6 +153,8 @@ def states_of(
     Raises ValueError where it says too little, or can't be read yet.
     """
     reader = reader_of(row.path, name)
+    if reader is stores.READER or (reader is None and not set(wanted) <= set(row.parameters) and is_store(row.path)):
+        reader = stores.reader_of_fields(arrays)
     if reader is not None:
         return list(with_states(MemberTable((row,), {}), reader, sampling, wanted, arrays).rows)
     lacking = [parameter for parameter in wanted if parameter not in row.parameters]
@@ -197,7 +206,7 @@ def _last(records: Sequence[StoredState], path: Path, repeated: list[str]) -> li
     """
     names = {name for record in records for name in record.says if name not in COUNTERS}
     names = {name for name in names if len({record.says.get(name) for record in records}) > 1}
-    if not names & TIMES:
+    if not {name.lower() for name in names} & {*TIMES, "redshift"}:
         return list(records)
     kept: dict[object, StoredState] = {}
     for record in records:
