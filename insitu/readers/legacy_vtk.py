@@ -30,7 +30,7 @@ COMPONENTS = {
 CELLS = ("cells", "vertices", "lines", "polygons", "triangle_strips")
 PLACE = ("dataset", "dimensions", "extent", "origin", "spacing", "aspect_ratio")
 BLOCK = 1 << 22
-LINE = 1 << 12  # bytes: longer ones hold data
+LINE = 1 << 12  # bytes: longer than any keyword
 
 
 class _UnknownPart(Exception):

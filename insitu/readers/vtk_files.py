@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from insitu.readers.reader import Reader, Sampling, StoredState
-from insitu.readers.whole_files import check_whole
+from insitu.readers.whole_files import check_whole, parts
 from insitu.readers.xml_files import LARGEST, parsed
 from render.cells import blocks, plain
 from render.datasets import chosen_array
@@ -27,6 +27,7 @@ TIME = re.compile(r"\d+(\.\d+)?(e[-+]?\d+)?")  # folders of an OpenFOAM case
 SEVERAL = (
     "{path} holds {count} times, of which the first, {first:g}, is taken: `insitu ensemble` makes a member of each"
 )
+SAYS = "VTK says: "
 
 _reading = threading.Lock()  # VTK's messages come to one place in a process
 
@@ -61,16 +62,34 @@ def read(path: Path, array: str | None, index: tuple[int, ...] = (), sampling: S
         raise ValueError(
             "pickled files run code when they are read: save the data set in a VTK format, such as .vti or .vtu"
         )
-    with reported():
-        source = _source(path)
-        if len(source.times) > 1 and not index:
-            warnings.warn(SEVERAL.format(path=path, count=len(source.times), first=source.times[0]), stacklevel=2)
-        found = source.read(index[0] if index else 0)
+    number = index[0] if index else 0
+    try:
+        with reported():
+            source = _source(path)
+            if len(source.times) > 1 and not index:
+                warnings.warn(SEVERAL.format(path=path, count=len(source.times), first=source.times[0]), stacklevel=2)
+            found = source.read(number)
+    except ValueError as error:
+        raise _named(path, number, error) from error
     is_composite = found.IsA("vtkCompositeDataSet")
     held = [block for block in (blocks(found) if is_composite else [plain(found)]) if block is not None]
     if is_composite and not held:
         raise ValueError("it holds no block with cells")
     return _only(array, held, found) if array is not None else held[0] if len(held) == 1 else found
+
+
+def _named(path: Path, number: int, error: ValueError) -> ValueError:
+    """The error with the name of the part that causes it, where a file names others."""
+    if not str(error).startswith(SAYS):
+        return error
+    named = _List(path).named_at(number) if path.suffix.lower() in LISTS else parts(path)
+    for part in named:
+        try:
+            with reported():
+                _OneReader(part).read(0)
+        except ValueError as found:
+            return ValueError(f"{part.name}: {_named(part, 0, found)}")
+    return error
 
 
 def _only(array: str, held: Sequence[Any], found: Any) -> Any:
@@ -96,7 +115,7 @@ def _only(array: str, held: Sequence[Any], found: Any) -> Any:
 
 
 class _OneReader:
-    """One of VTK's readers: its messages and its data."""
+    """One of VTK's readers: its times and its data."""
 
     def __init__(self, path: Path) -> None:
         check_whole(path)
@@ -138,15 +157,18 @@ class _List:
         from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet
 
         made = vtkMultiBlockDataSet()
-        for place, name in enumerate(self.named[self.times[number]]):
-            part = self.path.parent / name
+        for place, part in enumerate(self.named_at(number)):
             if not part.is_file():
-                raise ValueError(f"there is no file {name}, which it names")
+                raise ValueError(f"there is no file {part.name}, which it names")
             try:
                 made.SetBlock(place, _OneReader(part).read(0))
             except ValueError as error:
-                raise ValueError(f"{name}: {error}") from None
+                raise ValueError(f"{part.name}: {error}") from None
         return made
+
+    def named_at(self, number: int) -> list[Path]:
+        """The files of a time."""
+        return [self.path.parent / name for name in self.named[self.times[number]]]
 
 
 def _source(path: Path) -> _OneReader | _List:
@@ -159,9 +181,10 @@ def _pyvista_reader(path: Path) -> Any:
     if suffix not in XDMF | XML:
         return _known_to_pyvista(path)
     from vtkmodules.vtkIOXdmf2 import vtkXdmfReader
-    from vtkmodules.vtkIOXML import vtkXMLGenericDataObjectReader
+    from vtkmodules.vtkIOXML import vtkXMLGenericDataObjectReader, vtkXMLPartitionedDataSetCollectionReader
 
-    reader: Any = vtkXdmfReader() if suffix in XDMF else vtkXMLGenericDataObjectReader()
+    kinds = {**dict.fromkeys(XDMF, vtkXdmfReader), ".vtpc": vtkXMLPartitionedDataSetCollectionReader}
+    reader: Any = kinds.get(suffix, vtkXMLGenericDataObjectReader)()
     reader.SetFileName(str(path))
     return reader
 
@@ -258,7 +281,7 @@ def _sentence(said: Sequence[str]) -> str:
     """The first of VTK's messages without its places in the source and in memory."""
     texts = [re.sub(r"^.*?In [^\n]*, line \d+\n", "", text, flags=re.DOTALL) for text in said]
     found = " ".join(re.sub(r"\b(vtk\w+) \(0x[0-9a-f]+\)", r"\1", texts[0]).split())
-    return f"VTK says: {found[:300]}" + (f" (and {len(said) - 1} more)" if len(said) > 1 else "")
+    return f"{SAYS}{found[:300]}" + (f" (and {len(said) - 1} more)" if len(said) > 1 else "")
 
 
 READER = Reader(
