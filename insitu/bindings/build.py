@@ -59,7 +59,10 @@ def build(folder: Path) -> list[Path]:
     builder.embedding_init_code(START.format(folders=list(dict.fromkeys(folders))))
     where = str(sysconfig.get_config_var("LIBDIR"))
     builder.set_source(
-        "_insitu_library", CALLED + sources[SOURCE], extra_link_args=[f"-Wl,-rpath,{where}"], library_dirs=[where]
+        "_insitu_library",
+        CALLED + sources[SOURCE],
+        extra_link_args=[f"-Wl,-rpath,{where}", "-pthread"],
+        library_dirs=[where],
     )
     folder.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(dir=folder) as scratch:

@@ -3,6 +3,7 @@
    Floating-point traps, rounding and denormals are the default ones meanwhile: Python, VTK and Mesa divide by zero on purpose.  The
    threads that they start inherit this.  Handlers of signals stay the program's: Python would install one for SIGINT.  */
 #include <fenv.h>
+#include <pthread.h>
 #include <signal.h>
 #include <string.h>
 
@@ -12,14 +13,34 @@
 #define NSIG 65
 #endif
 
+static pthread_once_t begun = PTHREAD_ONCE_INIT;
 static struct sigaction handlers[NSIG];  /* the program's, before Python starts */
-static int started_here;
+static int started_here, unable;
+
+/* Start Python, unless the program has done so: cffi would, too, but end the process where that fails. */
+static void begin(void) {
+  if (Py_IsInitialized()) return;
+  started_here = 1;
+  for (int number = 1; number < NSIG; ++number) sigaction(number, NULL, &handlers[number]);
+  PyPreConfig before;
+  PyPreConfig_InitPythonConfig(&before);
+  before.coerce_c_locale = 0;  /* an environment variable of the program */
+  PyStatus status = Py_PreInitialize(&before);
+  if (!PyStatus_Exception(status)) {
+    PyConfig config;
+    PyConfig_InitPythonConfig(&config);
+    config.install_signal_handlers = config.parse_argv = config.configure_c_stdio = 0;
+    status = Py_InitializeFromConfig(&config);
+    PyConfig_Clear(&config);
+  }
+  unable = PyStatus_Exception(status);
+  if (!unable) PyEval_SaveThread();
+}
 
 static void enter(fenv_t *kept) {
   fegetenv(kept);
   fesetenv(FE_DFL_ENV);
-  if (Py_IsInitialized() || __atomic_exchange_n(&started_here, 1, __ATOMIC_SEQ_CST)) return;
-  for (int number = 1; number < NSIG; ++number) sigaction(number, NULL, &handlers[number]);
+  pthread_once(&begun, begin);
 }
 
 /* Called once, by the interpreter, when it has installed its handlers. */
@@ -32,11 +53,11 @@ static void insitu_keep_handlers(void) {
 }
 
 /* Answers are a status + 2; cffi returns 0 where the interpreter did not start. */
-#define CALL(failed, call)     \
-  fenv_t kept;                 \
-  enter(&kept);                \
-  const int answer = call;     \
-  fesetenv(&kept);             \
+#define CALL(failed, call)              \
+  fenv_t kept;                          \
+  enter(&kept);                         \
+  const int answer = unable ? 0 : call; \
+  fesetenv(&kept);                      \
   return answer ? answer - 2 : failed;
 
 int insitu_initialize(const char *scene, const char *catalog) { CALL(1, insitu_python_initialize(scene, catalog, 0, 0)) }
@@ -72,7 +93,7 @@ int insitu_finalize(void) { CALL(1, insitu_python_finalize()) }
 const char *insitu_error(void) {
   fenv_t kept;
   enter(&kept);
-  const char *text = insitu_python_error();
+  const char *text = unable ? NULL : insitu_python_error();
   fesetenv(&kept);
   return text ? text : "the library's Python could not start; standard error says why. Build the library again: insitu library";
 }
