@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from catalogs.store.notebook.cards import WHITE, CardImage, card, never_failing, on_background
 from catalogs.store.notebook.html import CAPTIONED
 from catalogs.vocabulary.cameras import OBLIQUE, Camera
+from catalogs.vocabulary.numbers import text
 from catalogs.vocabulary.parameters import ParameterSpace
 from surrogate.deformation.values import ValuesDeformation
 from surrogate.deformation.visualization import Visualization
@@ -87,7 +88,7 @@ def _listed(parameters: Mapping[str, float | str]) -> str:
 
 
 def _bounds(space: ParameterSpace) -> list[str]:
-    return [f"{p.name} from {p.low:g} to {p.high:g} {p.unit}".rstrip() for p in space.parameters]
+    return [f"{p.name} from {p.text(p.low)} to {p.text(p.high)} {p.unit}".rstrip() for p in space.parameters]
 
 
 def _followed(visualization: Visualization) -> str:
@@ -112,4 +113,4 @@ def _trained(training: Mapping[str, Any]) -> list[tuple[str, str]]:
 
 
 def _value(value: float | str) -> str:
-    return value if isinstance(value, str) else f"{value:g}"
+    return value if isinstance(value, str) else text(value)

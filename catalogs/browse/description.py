@@ -11,10 +11,11 @@ import numpy as np
 from catalogs.store.catalog import Catalog, CatalogPlan, Member
 from catalogs.vocabulary.appearance import Appearance, Isosurface, field_of
 from catalogs.vocabulary.cameras import Camera
+from catalogs.vocabulary.numbers import texts
 from catalogs.vocabulary.parameters import SPLITS
 from catalogs.vocabulary.variations import ISOVALUE
 
-DIGITS = 9  # of a parameter's value: what tells any two float32 apart
+DIGITS = 9  # of a parameter's value, at least: what tells any two float32 apart
 
 Item = TypeVar("Item", bound=Hashable)
 
@@ -55,7 +56,7 @@ def describe(catalog: Catalog) -> dict[str, Any]:
         "members": {
             "names": [m.name for m in members],
             "splits": _digits(m.split for m in members),
-            "values": [[_short(m.parameters[name]) for m in members] for name in plan.space.names],
+            "values": [_short([m.parameters[name] for m in members]) for name in plan.space.names],
             "viewpoints": which if len(sets) > 1 else None,
             "appearances": offered if len(shown) > 1 else None,
         },
@@ -73,8 +74,8 @@ def _digits(splits: Iterable[str]) -> str:
     return "".join(str(SPLITS.index(split)) for split in splits)
 
 
-def _short(value: float) -> float:
-    return float(f"{value:.{DIGITS}g}")
+def _short(values: Sequence[float]) -> list[float]:
+    return [float(text) for text in texts(values, DIGITS)]
 
 
 def _view_keys(members: Sequence[Member], plan: CatalogPlan) -> list[tuple[Any, str]]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from pathlib import Path
+from typing import Any
 
 from catalogs.files import cinema
 from catalogs.store.catalog import Catalog, CatalogError
@@ -12,6 +13,7 @@ from catalogs.store.members import Member, read_record
 from catalogs.store.notebook.facts import Tally, megabytes
 from catalogs.store.summary import FieldSummary
 from catalogs.store.table import MEMBERS, TABLE, member_names
+from catalogs.vocabulary.numbers import texts
 
 UNKNOWN = "-"
 LONGEST = 40  # characters of a range's end
@@ -34,11 +36,12 @@ def described(path: Path) -> Iterator[str]:
 
 
 def _catalog_lines(catalog: Catalog) -> Iterator[str]:
-    tally, table = Tally(catalog.plan), [_heading(catalog)]
+    tally, table = Tally(catalog.plan), list[list[Any]]([_heading(catalog)])
     for name in member_names(catalog.path):
         member = read_record(catalog.path / MEMBERS / name, catalog.plan)
         tally.add(member)
         table.append(_row(catalog, member))
+    _fill_in(table, catalog.plan.space.names)
     facts = [*tally.facts(), ("on disk", f"{megabytes(catalog.path):,.1f} MB")]
     if unfinished := ", ".join(path.name[1:].split("~")[0] for path in catalog.unfinished()):
         facts.append(
@@ -59,12 +62,19 @@ def _heading(catalog: Catalog) -> list[str]:
     return ["member", "split", *catalog.plan.space.names, "views", *columns]
 
 
-def _row(catalog: Catalog, member: Member) -> list[str]:
+def _row(catalog: Catalog, member: Member) -> list[Any]:
     fields, summaries = catalog.plan.fields or ("",), member.summaries()
     single = next(iter(summaries.values()), None)
     ranges = [cell for field in fields for cell in _range_cells(summaries.get(field) if len(fields) > 1 else single)]
-    values = [f"{member.parameters[name]:g}" for name in catalog.plan.space.names]
+    values = [member.parameters[name] for name in catalog.plan.space.names]
     return [member.name, member.split, *values, str(len(member.cameras)), *ranges]
+
+
+def _fill_in(table: Sequence[list[Any]], parameters: Sequence[str]) -> None:
+    """Write the parameters' columns, behind name and split, in as many digits as tell their values apart."""
+    for column in range(2, 2 + len(parameters)):
+        for row, cell in zip(table[1:], texts(row[column] for row in table[1:]), strict=True):
+            row[column] = cell
 
 
 def _range_cells(summary: FieldSummary | None) -> list[str]:
@@ -100,7 +110,7 @@ class _Column:
         ends = [min(self._cells), max(self._cells)] if self._cells else [UNKNOWN] * 2
         with suppress(ValueError):  # of mixed columns, which `catalogs check` reports
             numbers = [] if kind is str else [float(cell) for cell in self._cells]
-            ends = [f"{min(numbers):g}", f"{max(numbers):g}"]
+            ends = texts([min(numbers), max(numbers)]) if numbers else ends
         shown = [end if len(end) <= LONGEST else f"{end[: LONGEST - 3]}..." for end in ends]
         return [self._label, name, str(len(self._cells)), *shown]
 

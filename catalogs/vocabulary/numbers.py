@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Iterable
 from reprlib import repr as shortened
 from typing import Any
@@ -24,6 +25,31 @@ def finite(value: Any, what: str) -> float:
     if not math.isfinite(number):
         raise ValueError(f"{what} must be a finite number, got {shortened(value)}")
     return number
+
+
+def text(value: float, width: float = 0.0, least: int = 6) -> str:
+    """`value` in as few digits as tell it from its neighbours, `least` or more.
+
+    Neighbours are a hundred-thousandth of `width` away, the range of a parameter; without one, a trillionth of the value.
+    """
+    if not math.isfinite(value) or value == 0.0:
+        return f"{value:g}"
+    apart = min(width, sys.float_info.max)
+    digits = least - 1 + math.ceil(math.log10(abs(value)) - math.log10(apart)) if width > 0.0 else 12
+    longest = f"{value:.{max(least, min(digits, 17))}g}"
+    shortest = f"{value:.{least}g}"
+    return shortest if float(shortest) == float(longest) else longest
+
+
+def texts(values: Iterable[float], least: int = 6) -> list[str]:
+    """Numbers in as few digits as tell all that differ apart and from their neighbours, see `text`."""
+    numbers = list(values)
+    width, count = max(numbers, default=0.0) - min(numbers, default=0.0), len(set(numbers))
+    for digits in range(least, 18):
+        found = [text(value, width or abs(value), digits) for value in numbers]
+        if len(set(found)) == count:
+            break
+    return found
 
 
 def positive(value: Any, what: str) -> float:

@@ -11,7 +11,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from catalogs.vocabulary.numbers import finite
+from catalogs.vocabulary.numbers import finite, text
 from catalogs.vocabulary.quantity import label
 
 Outside = Literal["warn", "allow"]
@@ -48,20 +48,29 @@ class Parameter:
         for end in ("low", "high"):
             object.__setattr__(self, end, finite(getattr(self, end), f"{what}: {end}, one of its bounds,"))
         if not self.low < self.high:
-            raise ValueError(f"{what} needs bounds low < high, got {self.low:g}, {self.high:g}")
+            raise ValueError(f"{what} needs bounds low < high, got {text(self.low)}, {text(self.high)}")
         if not isinstance(self.unit, str):
             raise ValueError(f"{what}: its unit must be text, got {self.unit!r}")
         if self.scale not in SCALES:
             raise ValueError(f"{what}: scale must be one of {SCALES}, got {self.scale!r}")
         if self.scale == "log" and self.low <= 0.0:
             raise ValueError(
-                f'{what} has scale "log", so its bounds must be positive, got {self.low:g}, {self.high:g}: '
+                f'{what} has scale "log", so its bounds must be positive, got {text(self.low)}, {text(self.high)}: '
                 'raise low, or take scale "linear"'
             )
 
     def __str__(self) -> str:
         scale = " (log)" if self.scale == "log" else ""
-        return f"{self.name} in [{self.low:g}, {self.high:g}] {self.unit}".rstrip() + scale
+        return f"{self.name} in {self.range} {self.unit}".rstrip() + scale
+
+    def text(self, value: float, least: int = 6) -> str:
+        """A value in as many digits as its range asks for; see `numbers.text`."""
+        return text(value, self.high - self.low, least)
+
+    @property
+    def range(self) -> str:
+        """The bounds, such as "[1500, 2500]"."""
+        return f"[{self.text(self.low)}, {self.text(self.high)}]"
 
     @property
     def label(self) -> str:
@@ -172,7 +181,7 @@ class ParameterSpace:
     def outside(self, values: ArrayLike) -> dict[str, str]:
         """Names of the parameters whose `values` (P,) are out of bounds, with a sentence about each."""
         return {
-            p.name: f"parameter {p.name} = {value:g} lies outside its bounds [{p.low:g}, {p.high:g}]: "
+            p.name: f"parameter {p.name} = {p.text(value)} lies outside its bounds {p.range}: "
             "predictions there extrapolate"
             for p, value in zip(self.parameters, np.asarray(values, dtype=np.float64), strict=True)
             if not -SLACK <= p.fraction(value) <= 1.0 + SLACK

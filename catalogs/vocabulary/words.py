@@ -7,6 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import fields
 from typing import Any
 
+from catalogs.vocabulary.numbers import text
 from catalogs.vocabulary.parameters import SPLITS
 
 WIDTH = 120  # characters of a record
@@ -25,7 +26,7 @@ def counted(splits: Iterable[str]) -> str:
 
 def member_line(member: Any, shown: str) -> str:
     """One-line `__repr__` of a member: name, split, parameters, and the text `shown`."""
-    values = "".join(f" {name}={value:g}" for name, value in member.parameters.items())
+    values = "".join(f" {name}={text(value)}" for name, value in member.parameters.items())
     return f"<{type(member).__name__} {member.name} ({member.split}):{values}; {shown}>"
 
 

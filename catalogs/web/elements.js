@@ -55,4 +55,5 @@ export function markTab(list, id) {
 export const field = (label, control) => element("label", { class: "field" }, element("span", {}, label), control);
 
 /** A number for people: six digits at most. */
-export const digits = value => String(+(+value).toPrecision(6)).replace("-", "−");
+export const digits = (value, width = Infinity, least = 6) => String(+(+value).toPrecision(precision(value, width, least))).replace("-", "−");
+const precision = (value, width, least) => Math.max(least, Math.min(15, least - 1 + Math.ceil(Math.log10(Math.abs(value) / width)) || 0)); // a hundred-thousandth of the width

@@ -77,7 +77,7 @@ class FileEnsemble:
         return f"FileEnsemble: {len(self)} members in {count} files of {shown}"
 
     def __str__(self) -> str:
-        return f"{self!r}\n  " + ", ".join(f"{p.name} [{p.low:g}, {p.high:g}]{p.unit}" for p in self.space.parameters)
+        return f"{self!r}\n  {self.space}"
 
     @property
     def fields(self) -> tuple[str, ...]:

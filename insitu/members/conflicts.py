@@ -45,7 +45,7 @@ def _duplicate(catalog: Catalog, request: MemberRequest, same: str) -> str:
     if any(name in space.names for name in TIMES):
         dump = ""
     else:
-        bounds = "".join(f'"{p.name}": ({p.low:g}, {p.high:g}), ' for p in space.parameters)
+        bounds = "".join(f'"{p.name}": ({p.text(p.low)}, {p.text(p.high)}), ' for p in space.parameters)
         dump = (
             " If it is another time of the same run, make time a parameter of a new catalog, "
             f'space={{{bounds}"time": (first, last)}}, and pass time= with every dump.'

@@ -105,7 +105,7 @@ class StoredEnsemble:
         )
 
     def __str__(self) -> str:
-        return f"{self!r}\n  {', '.join(f'{p.name} [{p.low:g}, {p.high:g}]{p.unit}' for p in self.space.parameters)}"
+        return f"{self!r}\n  {self.space}"
 
     @property
     def fields(self) -> tuple[str, ...]:

@@ -25,6 +25,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from catalogs.vocabulary.numbers import text
 from catalogs.vocabulary.parameters import SPLITS, Parameter, ParameterSpace
 from catalogs.vocabulary.words import shortened
 from insitu.readers.attributes import SPLIT_WORDS
@@ -292,7 +293,7 @@ def bounded_space(
         least, most = given.get(name, (float(low[number]), float(high[number])))
         if least == most and stated is None:
             raise ValueError(
-                f"parameter {name!r} is {least:g} in every member: give --bounds {name} LOW HIGH, or name the "
+                f"parameter {name!r} is {text(least)} in every member: give --bounds {name} LOW HIGH, or name the "
                 "others by --parameters"
             )
         parameters.append(Parameter(name, least, most, units[number] if units else ""))

@@ -141,7 +141,7 @@ def center_table(record: Mapping[str, Any], names: tuple[str, str]) -> list[str]
     def gap(row: str, column: str) -> str:
         return signed_number(lead(record["psnr"][row][column], center["psnr"][row][column]))
 
-    at = ", ".join(f"{name} = {value:.4g}" for name, value in center["parameters"].items())
+    at = ", ".join(f"{name} = {value:.6g}" for name, value in center["parameters"].items())
     metrics = ("psnr", "psnr_foreground", "ssim")
     cells = [(row, column, count) for row, of in center["images"].items() for column, count in of.items() if count]
     return [

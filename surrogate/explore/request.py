@@ -138,10 +138,12 @@ def within(value: Any, parameter: Parameter, origin: float = 0.0) -> float:
     number, (least, most) = _number(value, parameter.name), limits(parameter)
     slack = SLACK * (most - least)
     if not least - slack <= number <= most + slack:
-        said, low, high, first, last = (x + origin for x in (number, parameter.low, parameter.high, least, most))
+        said, low, high, first, last = (
+            parameter.text(x + origin) for x in (number, parameter.low, parameter.high, least, most)
+        )
         raise MessageError(
-            f"{parameter.name} = {said:g} lies too far outside its bounds [{low:g}, {high:g}]: it can be drawn from "
-            f"{first:g} to {last:g}"
+            f"{parameter.name} = {said} lies too far outside its bounds [{low}, {high}]: it can be drawn from "
+            f"{first} to {last}"
         )
     return number
 

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 from catalogs.vocabulary.appearance import TransferFunction
+from catalogs.vocabulary.numbers import text
 from catalogs.vocabulary.variations import POINT_PARAMETERS, displaced
 from surrogate.appearance.field_gaussians import FieldGaussians
 from surrogate.deformation.values import ValuesDeformation
@@ -85,7 +86,7 @@ def origins_of(base: TransferFunction | None) -> dict[str, float]:
 
 
 def _word(value: float | str) -> str:
-    return value if isinstance(value, str) else format(value, "g")
+    return value if isinstance(value, str) else text(value)
 
 
 def base_function(surrogate: Surrogate) -> TransferFunction | None:

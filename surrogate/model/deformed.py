@@ -11,7 +11,7 @@ import torch
 from numpy.typing import NDArray
 
 from catalogs.vocabulary.cameras import Camera
-from catalogs.vocabulary.numbers import fraction, row
+from catalogs.vocabulary.numbers import fraction, row, text
 from surrogate.gaussians import Gaussians, Normalization
 from surrogate.notebook import deformed_html
 from surrogate.rasterizer import Rasterizer
@@ -86,7 +86,7 @@ class DeformedGaussians:
 
 def named(parameters: Mapping[str, float | str]) -> str:
     """Parameters in words, such as "Re=1830, time=1"."""
-    values = {name: f"{v:g}" if not isinstance(v, str) else repr(v) for name, v in parameters.items()}
+    values = {name: text(v) if not isinstance(v, str) else repr(v) for name, v in parameters.items()}
     return ", ".join(f"{name}={value}" for name, value in values.items())
 
 

@@ -141,8 +141,8 @@ def _check_near(space: ParameterSpace, values: Sequence[float] | NDArray[np.floa
         beyond = max(-fraction, fraction - 1.0)
         if beyond > FARTHEST:
             raise ValueError(
-                f"parameter {parameter.name} = {value:g} lies {beyond:,.0f} times its range [{parameter.low:g}, "
-                f"{parameter.high:g}] beyond it, where nothing is known: choose a value nearer its bounds, at most "
+                f"parameter {parameter.name} = {parameter.text(value)} lies {beyond:,.0f} times its range "
+                f"{parameter.range} beyond it, where nothing is known: choose a value nearer its bounds, at most "
                 f"{FARTHEST:g} times the range away"
             )
 

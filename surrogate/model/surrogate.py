@@ -255,7 +255,9 @@ class Surrogate:
         return following + (f"also as {', '.join(others)}, " if others else "")
 
     def __repr__(self) -> str:
-        bounds = ", ".join(f"{p.name} {p.low:g}..{p.high:g} {p.unit}".strip() for p in self.space.parameters)
+        bounds = ", ".join(
+            f"{p.name} {p.text(p.low)}..{p.text(p.high)} {p.unit}".strip() for p in self.space.parameters
+        )
         return (
             f"<Surrogate of {bounds or 'one member'}: {len(self.gaussians):,} Gaussians, "
             f"{self.deformation.kind} deformation, {self._following()}{self.megabytes:.1f} MB>"

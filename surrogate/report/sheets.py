@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catalogs.store.catalog import Catalog
+from catalogs.vocabulary.parameters import Parameter
 from surrogate.evaluation.metrics import WHITE, composite
 from surrogate.evaluation.scoring import Scored
 from surrogate.model import Surrogate
@@ -30,13 +31,13 @@ def draw_sheet(figure: Any, title: str, images: Mapping[str, Scored], surrogate:
     figure.set_size_inches(WIDTH_INCHES, ROW_INCHES * len(images) + 0.5)
     grid = figure.subplots(len(images), 5, squeeze=False)
     spaces = surrogate.space, *(v.variation.space for v in surrogate.visualizations)
-    units = {p.name: p.unit for space in spaces for p in space.parameters}
+    known = {p.name: p for space in spaces for p in space.parameters}
     for axes, (name, scored) in zip(grid, images.items(), strict=True):
         case, background = scored.target, catalog.plan.background
         stored = catalog.image(case.member, case.appearance, case.view)
         drawn = surrogate.at(case.parameters).render(case.camera, background=background)
         _draw_row(
-            axes, _place(case.parameters, units), *(composite(image, background or WHITE) for image in (stored, drawn))
+            axes, _place(case.parameters, known), *(composite(image, background or WHITE) for image in (stored, drawn))
         )
         axes[0].set_ylabel(f"{name}: {scored.score.psnr:.1f} dB\nview {case.view}", fontsize=9)
     figure.suptitle(title, fontsize=11)
@@ -70,9 +71,9 @@ def worst_window(truth: NDArray[np.float32], prediction: NDArray[np.float32]) ->
     return int(top), int(left), size
 
 
-def _place(parameters: Mapping[str, float | str], units: Mapping[str, str]) -> str:
+def _place(parameters: Mapping[str, float | str], known: Mapping[str, Parameter]) -> str:
     values = {
-        name: value if isinstance(value, str) else f"{value:.4g} {units.get(name, '')}".rstrip()
+        name: value if isinstance(value, str) else f"{known[name].text(value, 4)} {known[name].unit}".rstrip()
         for name, value in parameters.items()
     }
     at = [f"{name} = {value}" for name, value in values.items()]

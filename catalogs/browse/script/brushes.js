@@ -6,7 +6,7 @@ const BOTH = [1, 1]; // ends of a brush that move
 function addAxis(axis, i) {
   const title = (axis.unit ? `${axis.name} (${axis.unit})` : axis.name) + (axis.log ? ", on a logarithmic scale" : "");
   const labels = axis.categories?.map((category, k) => element("div", { class: "category", "data-at": k, title: category }, category))
-    ?? [element("div", { class: "most" }, text(axis.high)), element("div", { class: "least" }, text(axis.low))];
+    ?? [element("div", { class: "most" }, text(axis.high, axis)), element("div", { class: "least" }, text(axis.low, axis))];
   const box = element("div", { class: "axis" }, element("div", { class: "axis-name", title }, axis.name), element("div", { class: "brush" }), ...labels,
     axis.column.some(Number.isNaN) && element("div", { class: "none" }, "none"), ...["least", "most"].map((which, end) => newHandle(axis, i, end, which)));
   listenToAxis(box, axis, i);
@@ -132,13 +132,13 @@ function showBrushes() {
       handle.style.top = `${end ? top : bottom}px`;
       Object.assign(handle, {
         ariaValueMin: axis.low, ariaValueMax: axis.high, ariaValueNow: range[end],
-        ariaValueText: axis.categories ? categoryAt(axis, range[end] + (end ? -0.5 : 0.5)) : `${text(range[end])} ${axis.unit}`.trim(),
+        ariaValueText: axis.categories ? categoryAt(axis, range[end] + (end ? -0.5 : 0.5)) : `${text(range[end], axis)} ${axis.unit}`.trim(),
       });
     });
   });
   for (const line of $("limits").children)
     [...line.querySelectorAll("input")].forEach((input, end) => {
-      if (document.activeElement !== input) input.value = text(rangeOf(+line.dataset.axis)[end]);
+      if (document.activeElement !== input) input.value = text(rangeOf(+line.dataset.axis)[end], axes[+line.dataset.axis]);
     });
   const lines = `line${rows.count === 1 ? "" : "s"}`, all = rows.count.toLocaleString("en");
   const part = selection.brushed ? `${selection.rows.length.toLocaleString("en")} of ` : "";

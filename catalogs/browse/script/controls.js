@@ -63,8 +63,8 @@ function showSliders() {
     const current = box.querySelector(".current");
     slider.value = Number.isNaN(wanted[i]) ? d.first : placeOf(d, wanted[i]);
     slider.disabled = d.of === "appearance" && !offered.some(a => !Number.isNaN(d.column[a]) && d.column[a] !== value);
-    slider.setAttribute("aria-valuetext", Number.isNaN(value) ? "none" : `${text(value)} ${d.unit}`.trim());
-    box.querySelector("output").textContent = text(value);
+    slider.setAttribute("aria-valuetext", Number.isNaN(value) ? "none" : `${text(value, d)} ${d.unit}`.trim());
+    box.querySelector("output").textContent = text(value, d);
     box.toggleAttribute("data-none", Number.isNaN(value));
     current.hidden = Number.isNaN(value);
     current.style.left = percent(d, value);
@@ -98,7 +98,7 @@ function grouped(numbers, title, groupOf) {
   return made;
 }
 
-const memberTitle = m => `${memberNames[m]}: ${dimensions.filter(d => d.of === "member").map(d => text(d.column[m])).join(", ")}`;
+const memberTitle = m => `${memberNames[m]}: ${dimensions.filter(d => d.of === "member").map(d => text(d.column[m], d)).join(", ")}`;
 
 // The brushed members and the present one; of too many those around it.
 function showMembers() {

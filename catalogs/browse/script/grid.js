@@ -90,13 +90,13 @@ function placeCell(place, across) {
 
 function cellTitle(shown) {
   const d = dimensions.find(each => state.show === `along ${each.name}`);
-  return d ? `${d.name} ${text(valueOf(d, shown))}` : memberNames[shown.member];
+  return d ? `${d.name} ${text(valueOf(d, shown), d)}` : memberNames[shown.member];
 }
 
 function cellValues(shown) {
   if (state.show === "rows") return catalog.appearances[shown.appearance].title;
   if (state.show !== "members") return memberNames[shown.member];
-  return dimensions.filter(d => d.of === "member").map(d => text(valueOf(d, shown))).join(", ");
+  return dimensions.filter(d => d.of === "member").map(d => text(valueOf(d, shown), d)).join(", ");
 }
 
 function newCell(place) {

@@ -182,7 +182,7 @@ function nearestLine(x, y) {
 
 function rowTitle(row) {
   const seen = { member: rows.member[row], appearance: rows.appearance[row] };
-  const values = dimensions.filter(d => !Number.isNaN(valueOf(d, seen))).map(d => `${d.name} ${text(valueOf(d, seen))}`);
+  const values = dimensions.filter(d => !Number.isNaN(valueOf(d, seen))).map(d => `${d.name} ${text(valueOf(d, seen), d)}`);
   const look = catalog.appearances.length > 1 ? [catalog.appearances[seen.appearance].name] : [];
   return [memberNames[seen.member], ...look, ...values].join(", ");
 }

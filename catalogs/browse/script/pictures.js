@@ -67,7 +67,7 @@ function captionOf(cell, view) {
   const shown = dimensions.filter(d => !Number.isNaN(valueOf(d, cell)));
   return [
     element("b", {}, memberNames[cell.member]),
-    ...shown.map(d => element("span", {}, `${d.name} `, element("b", {}, text(valueOf(d, cell))), d.unit && ` ${d.unit}`)),
+    ...shown.map(d => element("span", {}, `${d.name} `, element("b", {}, text(valueOf(d, cell), d)), d.unit && ` ${d.unit}`)),
     catalog.appearances.length > 1 && element("span", {}, catalog.appearances[cell.appearance].name), element("span", {}, `view ${view}`),
     badge(splitOf(cell.member), "member"), badge(catalog.splits[viewSplits[viewpointSet(cell.member)][view]], "view"),
   ].filter(Boolean);

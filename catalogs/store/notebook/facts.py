@@ -88,7 +88,7 @@ class Tally:
         values = np.unique(self._values[parameter.name])
         if not len(values):
             return str(parameter)
-        return f"{parameter}; members from {values[0]:g} to {values[-1]:g}, {len(values)} values"
+        return f"{parameter}; members from {parameter.text(values[0])} to {parameter.text(values[-1])}, {len(values)} values"
 
     def _view_count(self) -> str:
         plan, numbers = self._plan, self._views or {0}

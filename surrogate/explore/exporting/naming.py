@@ -9,6 +9,7 @@ from dataclasses import fields, is_dataclass
 from typing import Any
 
 from catalogs.vocabulary.cameras import Camera
+from catalogs.vocabulary.numbers import text
 from surrogate.explore.run import Run
 from surrogate.explore.setting import Setting, shown
 
@@ -32,7 +33,10 @@ def _words(run: Run, request: Any) -> list[str]:
     if sweep is None:
         against = ["compared"] if hasattr(request, "other") else []
         return [*against, *_values(run, request.setting.values), request.setting.color_map]
-    over = [f"{axis.name}-{axis.low + axis.origin:g}-to-{axis.high + axis.origin:g}" for axis in reversed(sweep.axes)]
+    over = [
+        f"{axis.name}-{text(axis.low + axis.origin)}-to-{text(axis.high + axis.origin)}"
+        for axis in reversed(sweep.axes)
+    ]
     return [*over, *_values(run, sweep.kept), sweep.base.color_map]
 
 

@@ -73,10 +73,10 @@ def extrapolations(request: CommandRequest, run: Run) -> list[str]:
     for name, of in parameters_of(run.surrogate).items():
         low, high = reached.get(name, (of.low, of.high))
         if low < of.low or high > of.high:
-            first, last, least, most = (x + run.origins.get(name, 0.0) for x in (low, high, of.low, of.high))
-            far = f"{first:g}" if low == high else f"{first:g} to {last:g}"
+            first, last, least, most = (of.text(x + run.origins.get(name, 0.0)) for x in (low, high, of.low, of.high))
+            far = first if low == high else f"{first} to {last}"
             sentences.append(
-                f"{name} = {far} lies outside its bounds [{least:g}, {most:g}]: extrapolating beyond the training range"
+                f"{name} = {far} lies outside its bounds [{least}, {most}]: extrapolating beyond the training range"
             )
     return sentences
 

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catalogs.vocabulary.cameras import Camera
+from catalogs.vocabulary.numbers import text
 from catalogs.vocabulary.parameters import Parameter
 from surrogate.explore.request import within
 from surrogate.explore.run import Run
@@ -53,7 +54,7 @@ class Axis:
             raise ValueError(f"a sweep goes over a parameter that is a number, got {self.name!r}: name another one")
         if not -math.inf < self.low < self.high < math.inf:
             raise ValueError(
-                f"a sweep over {self.name} goes from a finite value to a larger one, got {self.low:g} to {self.high:g}"
+                f"a sweep over {self.name} goes from a finite value to a larger one, got {text(self.low)} to {text(self.high)}"
             )
         if not LEAST_STEPS <= self.count <= MOST_STEPS:
             raise ValueError(
@@ -61,7 +62,7 @@ class Axis:
             )
 
     def __str__(self) -> str:
-        return f"{self.name} {self.low + self.origin:g}..{self.high + self.origin:g}"
+        return f"{self.name} {text(self.low + self.origin)}..{text(self.high + self.origin)}"
 
     @property
     def values(self) -> list[float]:
@@ -146,7 +147,9 @@ def check(sweep: Sweep, surrogate: Surrogate) -> None:
         try:
             sweep.at(corner).gaussians(surrogate)
         except ValueError as error:
-            places = [f"{axis.name} = {value + axis.origin:g}" for axis, value in zip(sweep.axes, corner, strict=True)]
+            places = [
+                f"{axis.name} = {text(value + axis.origin)}" for axis, value in zip(sweep.axes, corner, strict=True)
+            ]
             raise ValueError(f"the sweep can't be shown at {', '.join(reversed(places))}: {error}") from error
 
 

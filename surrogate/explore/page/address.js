@@ -93,7 +93,7 @@ class Reading {
     }
     if (p.least <= value && value <= p.most) return value;
     const nearest = Math.max(p.low, Math.min(p.high, value));
-    this.note(name, `can't be drawn, only ${digits(p.least)} to ${digits(p.most)}`, digits(nearest));
+    this.note(name, `can't be drawn, only ${digits(p.least, p.high - p.low)} to ${digits(p.most, p.high - p.low)}`, digits(nearest, p.high - p.low));
     return nearest;
   }
 

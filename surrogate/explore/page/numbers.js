@@ -20,7 +20,7 @@ export function numberInput(title, range, changed, attributes = {}) {
         changed(value);
         return;
       }
-      show(`${proper ? digits(value) : "That"} ${proper ? "can't be drawn" : "is not a number"}: ${title} goes from ${digits(least)} to ${digits(most)}, and stays ${digits(now)}.`);
+      show(`${proper ? digits(value) : "That"} ${proper ? "can't be drawn" : "is not a number"}: ${title} goes from ${digits(least, most - least)} to ${digits(most, most - least)}, and stays ${digits(now, most - least)}.`);
       input.value = now;
     },
   });

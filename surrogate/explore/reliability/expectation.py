@@ -178,7 +178,7 @@ class Expectation:
             return Expected()
         distance, index = self._tree.query(point.values[: len(surrogate.space)])
         member, parameters = self.members[int(index)], surrogate.space.parameters
-        values = ", ".join(f"{p.name} {member.parameters[p.name]:.4g} {p.unit}".rstrip() for p in parameters)
+        values = ", ".join(f"{p.name} {p.text(member.parameters[p.name], 4)} {p.unit}".rstrip() for p in parameters)
         named = f"{member.name} ({values})" if 0 < len(parameters) <= NAMED else member.name
         return Expected(named, float(distance), self._spacing is not None and distance > FAR * self._spacing)
 
