@@ -10,6 +10,7 @@ from typing import Any
 
 OURS = {"catalogs", "insitu", "render", "surrogate"}
 APPEARANCES, READERS = "gs_surrogate.appearances", "gs_surrogate.readers"
+TABLES = "gs_surrogate.scene_tables"  # of scenes, checked by the functions that read them
 
 
 class PluginWarning(UserWarning):

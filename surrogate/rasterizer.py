@@ -12,9 +12,9 @@ from torch import Tensor
 from catalogs.vocabulary.cameras import Camera
 from catalogs.vocabulary.numbers import finite, positive
 from surrogate.gaussians import Gaussians
-from surrogate.settings import TrainingSettings
+from surrogate.settings import MOST_SAMPLES, TrainingSettings
 from surrogate.splatting import AUTO, BACKENDS, Constants, Primitives, Rendering, draw, draw_over
-from surrogate.splatting.samples import MOST_SAMPLES, averaged, finer
+from surrogate.splatting.samples import averaged, finer
 
 SAMPLES = ("samples", "surface_samples")
 

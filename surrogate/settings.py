@@ -12,7 +12,6 @@ from dataclasses import dataclass
 from typing import Any, Literal, NamedTuple
 
 from catalogs.vocabulary.appearance import Appearance, VolumeRendering
-from surrogate.splatting.samples import MOST_SAMPLES
 
 ColorDegree = Literal["auto", 0, 1]
 MOST_FREQUENCIES = 8
@@ -89,6 +88,7 @@ class Bound(NamedTuple):
 ONE_OR_MORE = Bound("at least 1", lambda value: value >= 1)
 NOT_NEGATIVE = Bound("at least 0", lambda value: value >= 0)
 POSITIVE = Bound("positive", lambda value: value > 0)
+MOST_SAMPLES = 4  # of a pixel, along a side; memory grows with its square
 SAMPLES = Bound(f"from 1 to {MOST_SAMPLES}", lambda value: 1 <= value <= MOST_SAMPLES)
 BOUNDS: Mapping[str, Bound] = {
     "seed": NOT_NEGATIVE,

@@ -97,6 +97,10 @@ class Parameter:
             return (math.log(value) - low) / (high - low) if value > 0.0 else -math.inf
         return (value - self.low) / (self.high - self.low)
 
+    def holds(self, value: float) -> bool:
+        """True if a value lies within the bounds."""
+        return -SLACK <= self.fraction(value) <= 1.0 + SLACK
+
     def to_json(self) -> dict[str, Any]:
         """JSON values; a `scale` only where it is "log"."""
         record = asdict(self)
@@ -184,7 +188,7 @@ class ParameterSpace:
             p.name: f"parameter {p.name} = {p.text(value)} lies outside its bounds {p.range}: "
             "predictions there extrapolate"
             for p, value in zip(self.parameters, np.asarray(values, dtype=np.float64), strict=True)
-            if not -SLACK <= p.fraction(value) <= 1.0 + SLACK
+            if not p.holds(value)
         }
 
     def normalize(self, values: ArrayLike) -> NDArray[np.float64]:

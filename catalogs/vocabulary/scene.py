@@ -16,6 +16,8 @@ from typing import Any
 
 import numpy as np
 
+from catalogs.plugins import TABLES as TABLES_ELSEWHERE
+from catalogs.plugins import plugins
 from catalogs.vocabulary import numbers
 from catalogs.vocabulary.appearance import Appearance, VolumeRendering, appearance_from_json, check_fields, shown_fields
 from catalogs.vocabulary.cameras import Camera, orbit, view_splits
@@ -179,6 +181,17 @@ class Scene:
     @property
     def variations(self) -> tuple[Variation, ...]:
         return tuple(v.variation for v in self.varied)
+
+    def check_tables(self) -> None:
+        """Raise ValueError for a table that other parts of the package read later, such as `[training]`, if it is wrong."""
+        known = [appearance.name for appearance in self.appearances]
+        try:
+            if self.training:
+                plugins(TABLES_ELSEWHERE).get("training", dict)(self.training)
+            if known and self.training.get("appearance", known[0]) not in known:
+                raise ValueError(f"training.appearance must be one of {known}, got {self.training['appearance']!r}")
+        except ValueError as error:
+            raise ValueError(f"scene {self.path}: {error}") from None
 
     def assigned(self, members: Sequence[PlannedMember]) -> tuple[PlannedMember, ...]:
         """The members with the appearances that each shows."""

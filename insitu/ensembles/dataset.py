@@ -21,6 +21,8 @@ from insitu.ensembles.function_source import HookedSource, Simulate
 from insitu.ensembles.sources import ensemble_of
 from insitu.fields.member_fields import check_names
 from insitu.members.agreement import disagreements, misplaced
+from insitu.members.failures import warn_caller
+from insitu.members.notes import Once, notes_on_ensemble
 from insitu.members.planning import PlanOptions, is_catalog
 
 CATALOG, RECORD, PILOTS = "catalog.cdb", "dataset.json", "pilots"
@@ -67,6 +69,7 @@ def make_dataset(
     needs a package that this environment lacks.
     """
     scene, runs = scene if isinstance(scene, Scene) else Scene.load(scene), Path(runs)
+    scene.check_tables()
     if simulate is not None and scene.source["kind"] != "hooked":
         raise ValueError(
             f'scene {scene.path}: simulate= is for a source of kind "hooked", not {scene.source["kind"]!r}'
@@ -113,6 +116,7 @@ def _render(scene: Scene, folder: Path, simulate: Simulate | None, **how: Any) -
     _check_unchanged(scene, folder / CATALOG, options, members)
     if isinstance(ensemble.source, HookedSource) and not _complete(folder / CATALOG, members):
         ensemble.source.check()
+    Once(how["warn"] or warn_caller).say("", notes_on_ensemble(members, ensemble.space))
     result = run_ensemble(
         folder / CATALOG, members, ensemble.source, options, nan=scene.render.nan, cache=folder / PILOTS, **how
     )

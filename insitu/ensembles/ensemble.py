@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import os
 import time as clock
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from concurrent.futures import Executor
-from contextlib import AbstractContextManager, nullcontext
+from contextlib import AbstractContextManager, nullcontext, suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -16,6 +16,7 @@ import numpy as np
 from catalogs.engines.engine import Engine
 from catalogs.engines.executors import OnExecutor
 from catalogs.store.catalog import Catalog
+from catalogs.store.missing import report_missing
 from catalogs.vocabulary.farthest import farthest_points
 from catalogs.vocabulary.parameters import ParameterSpace
 from catalogs.vocabulary.scene import PlannedMember
@@ -26,9 +27,11 @@ from insitu.ensembles.tasks import DiskError, MemberOutcome, measure_pilots, rea
 from insitu.ensembles.workers import WorkerPool, WorkerReport, single_threaded
 from insitu.fields.cache import drop_field
 from insitu.members.agreement import SOURCE, agreeing_catalog, create_catalog, misplaced
+from insitu.members.beginning import check_new
 from insitu.members.failures import warn_caller
+from insitu.members.notes import Once
 from insitu.members.planning import Pilot, PlanOptions, check_complete, combine_pilots
-from insitu.members.request import Existing
+from insitu.members.request import Existing, MemberArguments, member_request
 from insitu.members.result import RenderedMember
 
 PILOTS = 2
@@ -87,59 +90,44 @@ def run_ensemble(
 ) -> EnsembleResult:
     """Render every member that the catalog lacks.
 
-    A new catalog is planned first, on pilot members whose parameters lie farthest apart: its box holds their boxes,
-    its sample distance is the finest that any of them needs.
+    A new catalog is planned first, on pilot members that lie farthest apart: its box holds theirs, its rays' samples serve all.
 
     Parameters
     ----------
     catalog : the `.cdb` directory, made when absent; `options` are what it fixes, or must agree with.
     members : all members of the ensemble; those already in the catalog are skipped.
     source : yields their fields, in the worker processes; of one run (see `RunSource`) all in the same process.
-    workers : processes of the default pool (spawned, one thread each); by default one per available core.
-    executor : any `concurrent.futures.Executor` instead, such as mpi4py's; its workers must see the
-        same file system.  Progress then moves by whole runs.
-    engine : an engine that is running already, such as the `catalogs.engines.cluster.Cluster` of many machines; then `workers`
-        and `executor` do not matter.
-    shard : (i, n), i from 1 to n.  Only every n-th run is taken, starting with the i-th (members, where the source has no runs).
-        n machines that write to one shared catalog each take one.
-    nan : as in `render_member`.
+    workers : processes of the default pool, by default one per available core.
+    executor, engine : any `concurrent.futures.Executor` instead, whose workers must see the same file system, or a running engine.
+    shard : (i, n), i from 1 to n: every n-th run is taken, starting with the i-th.  `nan` is as in `render_member`.
     existing : for stored members whose file has changed since: "error" raises naming them, "skip" keeps them, "replace" renders
         them anew.  Those whose file is the same are always skipped.
     cache : folder for the fields of expensive pilots until they are rendered.
-    progress : called a few times a second.
-    warn : called with each warning about a member, which otherwise is given at the caller's line.
+    progress, warn : called a few times a second, and with each kind of warning once; by default it is given at the caller's line.
 
-    A member that fails is reported in the result; the others go on, unless the disk is full.  KeyboardInterrupt stops
-    the workers, leaves no partial member behind and is raised on; the same call then goes on where it stopped.
-
-    Raises ValueError where the plan is incomplete or another than the catalog's; nothing is written then.
+    A member that fails is in the result, and missing in the catalog; the others go on, unless the disk is full.
+    KeyboardInterrupt stops the workers, leaves no partial member and is raised on; the same call goes on where it stopped.
+    Raises ValueError or OSError where the plan is incomplete or not the catalog's, or a member's parameters are wrong, before any
+    field is read or anything is written.
     """
-    started = clock.perf_counter()
-    path = Path(catalog)
+    started, path = clock.perf_counter(), Path(catalog)
     runs = runs_of(source, members)
-    mine = _shard(runs, shard)
     options = replace(options, provenance={SOURCE: dict(source.identity), **options.provenance})
-    made = _agreeing_catalog(path, options, members)
-    present = set() if made is None else {m.name for m in made.members}
-    changed = [] if made is None or existing == "skip" else _changed_members(made, members, source)
-    if existing == "error":
-        _refuse_changed(path, changed)
-    present -= set(changed)
-    todo = [[m for m in run if m.name not in present] for run in mine]
-    todo = [run for run in todo if run]
-    skipped = tuple(m.name for run in mine for m in run if m.name in present)
+    made, space = _agreeing_catalog(path, options, members)
+    present, changed = _present(path, made, members, source, existing)
+    todo, skipped = _split_off(_shard(runs, shard), present)
     if not todo:
         Catalog.open(path).rebuild_table()  # writes only where a killed run left the table behind its members
         return EnsembleResult((), skipped, {}, clock.perf_counter() - started)
     count = min(workers or available_cores(), len(todo))
     with single_threaded(), nullcontext(engine) if engine else local_engine(count, executor) as hands:
         kept = cache if source.expensive else None
-        show, tell = progress or (lambda state: None), warn or warn_caller
-        work = _EnsembleRun(path, source, nan, kept, hands, show, tell, frozenset(changed))
+        show, once = progress or (lambda state: None), Once(warn or warn_caller)
+        work = _EnsembleRun(path, source, nan, kept, hands, show, once, changed)
         if made is None:
-            space, _ = check_complete(options)
             work.plan(runs, pilot_members(members, space), options, sum(map(len, todo)))
         rendered, there, failures = work.render(todo)
+        once.repeat(rendered)
     Catalog.open(path).rebuild_table()  # in the order of names, whoever was first
     return EnsembleResult(tuple(rendered), (*skipped, *there), failures, clock.perf_counter() - started)
 
@@ -175,7 +163,7 @@ class _EnsembleRun:
     cache: Path | None
     engine: Engine
     show: Callable[[EnsembleProgress], None]
-    warn: Callable[[Warning], None]
+    once: Once
     replaced: frozenset[str]  # stored members that are rendered anew
 
     def plan(
@@ -191,7 +179,7 @@ class _EnsembleRun:
             found.update(measured)
             for name, pilot in measured.items():
                 tracker.idle(name)
-                self._tell(name, pilot.notes)
+                self.once.say(name, pilot.notes)
 
         tasks = {
             run[0].name: partial(measure_pilots, self.source, run, names, self.nan, self.cache, options)
@@ -207,6 +195,7 @@ class _EnsembleRun:
         """The rendered members, the names of members found stored all the same, and the reasons of failures by name."""
         catalog = Catalog.open(self.path)
         plan, members = catalog.plan, [m for run in runs for m in run]
+        parameters = {m.name: m.parameters for m in members}
         shown = [len(plan.appearances if m.appearances is None else m.appearances) for m in members]
         images = round(len(plan.cameras) * sum(shown) / max(1, len(shown)))
         tracker = Tracker(len(members), images, field_share=0.5 if self.source.expensive else 0.02)
@@ -218,13 +207,15 @@ class _EnsembleRun:
         def made(outcome: MemberOutcome) -> None:
             if outcome.rendered is None:
                 failures[outcome.name] = outcome.failure
+                with suppress(OSError):  # a disk that refuses has no say
+                    report_missing(self.path, outcome.name, parameters[outcome.name], outcome.failure)
                 tracker.failed(outcome.name)
                 return
             tracker.done(outcome.name, outcome.rendered.images)
             if outcome.field_seconds is not None:
                 tracker.timed(outcome.field_seconds, outcome.rendered.seconds)
             rendered.append(outcome.rendered)
-            self._tell(outcome.name, outcome.rendered.warnings)
+            self.once.say(outcome.name, outcome.rendered.warnings)
             if self.cache is not None:
                 drop_field(self.cache, outcome.name)
 
@@ -256,19 +247,45 @@ class _EnsembleRun:
             tracker.report(report)
         self.show(tracker.snapshot())
 
-    def _tell(self, name: str, notes: Iterable[str]) -> None:
-        """Warn in this process of what a member's worker noted."""
-        for note in notes:
-            self.warn(UserWarning(f"{name}: {note}"))
 
-
-def _agreeing_catalog(path: Path, options: PlanOptions, members: Sequence[PlannedMember]) -> Catalog | None:
-    """The catalog at `path`, if there is one; raises ValueError where it is not this ensemble's."""
+def _agreeing_catalog(
+    path: Path, options: PlanOptions, members: Sequence[PlannedMember]
+) -> tuple[Catalog | None, ParameterSpace]:
+    """The catalog at `path`, if there is one, and the parameters; raises ValueError where it is not this ensemble's."""
     catalog = agreeing_catalog(path, options)
+    if catalog is None:
+        check_new(path, options)
+    space, known = check_complete(options) if catalog is None else (catalog.plan.space, catalog.plan.appearances)
+    for member in members:
+        try:
+            asked = MemberArguments(member.parameters, member.name, member.split, appearances=member.appearances)
+            member_request(space, known, asked)
+        except ValueError as error:
+            raise ValueError(f"member {member.name}: {error}") from None
     differences = [] if catalog is None else misplaced(catalog, members)
     if differences:
         raise ValueError(f"catalog {path} holds members of another ensemble: {'; '.join(differences[:5])}")
-    return catalog
+    return catalog, space
+
+
+def _present(
+    path: Path, made: Catalog | None, members: Sequence[PlannedMember], source: FieldSource, existing: Existing
+) -> tuple[set[str], frozenset[str]]:
+    """Names of stored members that stay, and of those to render anew; raises ValueError where `existing` forbids these."""
+    if made is None:
+        return set(), frozenset()
+    changed = [] if existing == "skip" else _changed_members(made, members, source)
+    if existing == "error":
+        _refuse_changed(path, changed)
+    return {m.name for m in made.members} - set(changed), frozenset(changed)
+
+
+def _split_off(
+    runs: Sequence[MemberRun], present: Collection[str]
+) -> tuple[list[list[PlannedMember]], tuple[str, ...]]:
+    """The members of runs that are not present, by run, and the names of the others."""
+    todo = [[m for m in run if m.name not in present] for run in runs]
+    return [run for run in todo if run], tuple(m.name for run in runs for m in run if m.name in present)
 
 
 def _changed_members(catalog: Catalog, members: Sequence[PlannedMember], source: FieldSource) -> list[str]:

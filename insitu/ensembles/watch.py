@@ -16,6 +16,9 @@ from catalogs.vocabulary.words import shortened
 from insitu.ensembles.ensemble import EnsembleResult, available_cores, local_engine, run_ensemble
 from insitu.ensembles.files import FileEnsemble
 from insitu.ensembles.workers import single_threaded
+from insitu.members.beginning import check_new
+from insitu.members.failures import warn_caller
+from insitu.members.notes import Once
 from insitu.members.planning import PlanOptions, is_catalog
 from insitu.members.request import Existing, member_name
 from insitu.readers.identity import stamp
@@ -182,7 +185,9 @@ def watch_folder(
     (KeyboardInterrupt) ends it and leaves no partial member; the same call then goes on where it stopped.  Raises OSError where the
     disk takes no more, ValueError as `run_ensemble` does.
     """
-    arrivals, path = arrivals or Arrivals(watching), Path(catalog)
+    arrivals, path, once = arrivals or Arrivals(watching), Path(catalog), Once(warn or warn_caller)
+    if not is_catalog(path):
+        check_new(path, options)
     reported: dict[str, str] = {}
     idle_since = clock.monotonic()
     with single_threaded(), local_engine(workers or available_cores(), executor) as engine:
@@ -195,7 +200,7 @@ def watch_folder(
                     "nan": nan,
                     "engine": engine,
                     "progress": progress,
-                    "warn": warn,
+                    "warn": lambda note: once.say("", [note]),
                     "existing": existing,
                 }
                 _take(arrivals, rows, _rendered(path, lot, options, how), say)

@@ -173,6 +173,7 @@ class Session:
         """
         if self._background is not None:
             self._background.close(at_once=at_once)
+        self._writer.once.repeat(self._results)
         if self.catalog is not None:
             with suppress(OSError):  # a catalog that may only be read
                 self.catalog.update_table()

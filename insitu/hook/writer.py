@@ -16,6 +16,7 @@ from insitu.members.agreement import agreeing_catalog, create_catalog, notes_on_
 from insitu.members.blank import PictureNote, note_on_pictures
 from insitu.members.conflicts import stored_name, under_stored_name
 from insitu.members.failures import named_disk_errors
+from insitu.members.notes import Once
 from insitu.members.planning import PlanOptions, check_complete, measure_pilot
 from insitu.members.request import Existing, MemberArguments, MemberRequest, member_request
 from insitu.members.result import PeakMemory, RenderedMember
@@ -25,8 +26,8 @@ from render.datasets import ResamplingWarning
 class CatalogWriter:
     """The catalog at `path`, as `options` plan it; its first member makes it.
 
-    `progress` is called with the number of images drawn of a member, `warn` with each warning, and `created` once there is a new
-    catalog.
+    `progress` is called with the number of images drawn of a member, `warn` with each kind of warning once, and `created` once
+    there is a new catalog.
     """
 
     def __init__(
@@ -40,8 +41,8 @@ class CatalogWriter:
     ) -> None:
         self.path, self.options = path, options
         self.catalog: Catalog | None = None
-        self._progress, self._warn, self._created = progress, warn, created
-        self._noted: set[tuple[str, str]] = set()
+        self._progress, self._created = progress, created
+        self.once = Once(warn)
 
     def find_catalog(self) -> Catalog | None:
         """The catalog, if there is one, made by this process or another; raises ValueError where it has another plan."""
@@ -81,8 +82,7 @@ class CatalogWriter:
             request = under_stored_name(catalog, request) if replace else request
             distances, coarse = member_distances(fields, request.shown, catalog.plan)
             notes = [*notes_on_member(fields.box, request.parameters, catalog.plan), *coarse]
-            for note in [*map(ResamplingWarning, fields.notes), *map(UserWarning, notes)]:
-                self._warn(note)
+            self.once.say("", [*map(ResamplingWarning, fields.notes), *notes])
             warnings: tuple[str, ...] = (*fields.notes, *notes)
             record = {"bounds": fields.box, **({"sample_distances": distances} if coarse else {})}
             with catalog.begin_member(
@@ -100,10 +100,7 @@ class CatalogWriter:
                 warnings = (*warnings, *map(str, of_images))
                 if warnings:
                     writer.add_provenance(warnings=warnings)
-        for image_note in of_images:
-            if image_note[:2] not in self._noted:  # once, whatever the numbers
-                self._noted.add(image_note[:2])
-                self._warn(UserWarning(str(image_note)))
+        self.once.say("", map(str, of_images))
         return RenderedMember(
             name=request.name,
             path=catalog.path / "members" / request.name,
@@ -116,8 +113,7 @@ class CatalogWriter:
     def _create(self, fields: MemberFields) -> Catalog:
         """The catalog, made for its first member's fields."""
         pilot = measure_pilot(fields, self.options)
-        for note in pilot.notes:
-            self._warn(UserWarning(note))
+        self.once.say("", pilot.notes)
         self.catalog = create_catalog(self.path, pilot, self.options)
         self._created()
         return self.catalog

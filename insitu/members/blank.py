@@ -10,6 +10,8 @@ from catalogs.store.summary import FieldSummary
 from catalogs.vocabulary.appearance import Appearance, Isosurface, TransferFunction, VolumeRendering
 
 BLANK, ONE_COLOR = "every picture is blank", "all of the field has one colour"
+CLIPPED = "nearly all of the field has the colours of the transfer function's ends"
+MOST, FAR = 0.9, 20.0  # of a field's values; times the width of the function
 
 
 class PictureNote(NamedTuple):
@@ -38,6 +40,13 @@ def note_on_pictures(appearance: Appearance, summary: FieldSummary, *, blank: bo
         if summary.maximum < low or summary.minimum > high:
             return PictureNote(
                 appearance.name, ONE_COLOR, f"{values}, the transfer function's from {low:.6g} to {high:.6g}"
+            )
+        if summary.clipped_fraction > MOST and summary.maximum - summary.minimum > FAR * (high - low):
+            return PictureNote(
+                appearance.name,
+                CLIPPED,
+                f"{100 * summary.clipped_fraction:.1f} % of its values are clipped, {values}, the function's from {low:.6g} to "
+                f"{high:.6g}: are they in other units?",
             )
     elif isinstance(appearance, Isosurface) and blank:
         inside = summary.minimum < appearance.isovalue <= summary.maximum

@@ -10,8 +10,6 @@ from torch import Tensor
 
 from catalogs.vocabulary.cameras import Camera
 
-MOST_SAMPLES = 4  # along a side; memory grows with its square
-
 
 def finer(camera: Camera, samples: int) -> Camera:
     """The same view with `samples` pixels for each, along each side."""

@@ -11,7 +11,7 @@ import sys
 import textwrap
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -133,8 +133,34 @@ def test_a_failing_member_is_reported_and_the_others_stay(tmp_path: Path, log: P
     assert "NaN" in result.failures["m1"]
     assert "OddError: a strange" in result.failures["m3"]
     assert "3 failed" in repr(result)
+    missing = Catalog.open(path).missing
+    assert [m.name for m in missing] == ["m0", "m1", "m3"]
+    assert missing[1].parameters == planned()[1].parameters
     again = run_ensemble(path, planned(), Source(str(log)), OPTIONS, workers=1)
     assert (len(again.rendered), again.failures) == (3, {})
+    assert Catalog.open(path).missing == ()
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"parameters": {"b": 1.0}}, "member m2: parameters must be exactly"),
+        ({"parameters": {"w": float("nan")}}, "member m2: parameter w must be finite"),
+        ({"name": "a/b"}, "member a/b: invalid member name"),
+        ({"split": "all"}, "member m2: split must be one of"),
+        ({"appearances": ("iso",)}, "member m2: .*iso"),
+    ],
+)
+def test_every_member_is_checked_before_any_field_is_made(
+    tmp_path: Path, log: Path, changes: dict[str, Any], message: str
+) -> None:
+    members = planned()
+    members[2] = replace(members[2], **changes)
+    for path in (tmp_path / "a.cdb", tmp_path / "a"):
+        with pytest.raises(ValueError, match=message if path.suffix else r"ends with \.cdb"):
+            run_ensemble(path, members, Source(str(log)), OPTIONS, executor=AtOnce())
+    assert log.read_text() == ""
+    assert not (tmp_path / "a.cdb").exists()
 
 
 def test_when_every_pilot_fails_nothing_is_written(tmp_path: Path, log: Path) -> None:

@@ -69,7 +69,8 @@ def test_it_is_said_once_a_session_and_recorded_of_every_member(tmp_path: Path) 
     heard: list[str] = []
     with session(tmp_path, HIGH, volume((-2.0, 0.0), (1.0, 0.9), name="seen"), heard=heard) as hook:
         members = [hook.render_member(FIELD - shift, {"a": shift}) for shift in (0.0, 0.5, 0.9)]
-    assert len(heard) == 1
+    assert len(heard) == 2
+    assert heard[1].startswith("in all 3 of 3 members had this warning: dvr: every picture is blank")
     assert [len(member.warnings) for member in members] == [1, 1, 1]
     assert "from -2.9" in members[2].warnings[0]
 

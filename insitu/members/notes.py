@@ -1,0 +1,66 @@
+"""Warnings of a run: each kind is given once, and repeated at the end with the number of members that it holds for."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterable, Sequence
+
+from catalogs.vocabulary.parameters import ParameterSpace
+from catalogs.vocabulary.scene import PlannedMember
+from insitu.members.result import RenderedMember
+
+NUMBER = re.compile(r"[-+]?\d[\d.]*(?:e[-+]?\d+)?|\binf\b")
+FEWEST = 5  # members from which anything between them can be learnt
+
+
+def kind_of(note: str) -> str:
+    """A warning without its numbers: the same for all members that it holds for."""
+    return NUMBER.sub("#", note)
+
+
+class Once:
+    """Gives each kind of warning once, to `warn`; `said` are the kinds that were given before."""
+
+    def __init__(self, warn: Callable[[Warning], None], said: set[str] | None = None) -> None:
+        self._warn = warn
+        self._said = set() if said is None else said
+
+    def say(self, name: str, notes: Iterable[str | Warning]) -> None:
+        """Warn of the notes about the member of this name; "" for the ensemble."""
+        for note in notes:
+            kind = kind_of(str(note))
+            if kind not in self._said:
+                self._said.add(kind)
+                called = f"{name}: {note}" if name else str(note)
+                self._warn(type(note)(called) if isinstance(note, Warning) else UserWarning(called))
+
+    def repeat(self, results: Sequence[RenderedMember]) -> None:
+        """Say of each kind of warning for how many of several rendered members it holds."""
+        of: dict[str, list[str]] = {}
+        for result in results:
+            for kind, note in {kind_of(note): note for note in result.warnings}.items():
+                of.setdefault(kind, []).append(note)
+        for notes in of.values():
+            if len(notes) > 1:
+                self._warn(UserWarning(f"in all {len(notes)} of {len(results)} members had this warning: {notes[-1]}"))
+
+
+def notes_on_ensemble(members: Sequence[PlannedMember], space: ParameterSpace) -> list[str]:
+    """Sentences about members that are known before the first is rendered."""
+    notes = []
+    for parameter in space.parameters:
+        values = [float(member.parameters[parameter.name]) for member in members]
+        if values and not any(map(parameter.holds, values)):
+            notes.append(
+                f"all members lie outside the bounds {parameter.range} of {parameter.name}, from {parameter.text(min(values))} to "
+                f"{parameter.text(max(values))}: are the bounds in another unit?"
+            )
+        if len(values) > 1 and min(values) == max(values):
+            notes.append(
+                f"parameter {parameter.name} is {parameter.text(values[0])} in every member: nothing is learnt of how fields "
+                "depend on it"
+            )
+    learnt = sum(member.split == "train" for member in members)
+    if learnt < FEWEST:
+        notes.append(f"{learnt} of {len(members)} members are to learn from: a surrogate needs {FEWEST} or more")
+    return notes
