@@ -51,8 +51,8 @@ CODES = (
         "--reader",
         metavar="CODE",
         default="",
-        help="The code that wrote the files, where they don't show it: adios2, amrex, cloverleaf, mpas, openpmd, store, vtk, "
-        "well, xcompact3d.",
+        help="The code that wrote the files, where they don't show it: adios2, amrex, athena, cloverleaf, mpas, openpmd, store, "
+        "vtk, well, xcompact3d.",
     ),
     click.option("--resolution", type=(int, int, int), metavar="X Y Z", help="Values of resampled data (amrex, mpas)."),
     click.option(

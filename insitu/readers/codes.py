@@ -8,12 +8,13 @@ from functools import lru_cache
 from pathlib import Path
 
 from catalogs import plugins
-from insitu.readers import adios, amrex, cloverleaf, mpas, openpmd, stores, the_well, vtk_files, xcompact3d
+from insitu.readers import adios, amrex, athena, cloverleaf, mpas, openpmd, stores, the_well, vtk_files, xcompact3d
 from insitu.readers.reader import Reader
 
 OURS: tuple[Reader, ...] = (
     adios.READER,
     amrex.READER,
+    athena.READER,
     cloverleaf.READER,
     mpas.READER,
     openpmd.READER,
