@@ -2,6 +2,6 @@
 
 from catalogs.exchange.export import export
 from catalogs.exchange.nerf import import_nerf
-from catalogs.exchange.transforms import ExchangeError
+from catalogs.exchange.records import ExchangeError
 
 __all__ = ["ExchangeError", "export", "import_nerf"]

@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catalogs.exchange import colmap_text, transforms_text
+from catalogs.exchange.records import ExchangeError
 from catalogs.exchange.selection import SelectedImage, Selection
-from catalogs.exchange.transforms import ExchangeError
 from catalogs.files import durable
 from catalogs.files.images import write_image
 from catalogs.store.catalog import Catalog, Member

@@ -1,6 +1,6 @@
-"""Import of D-NeRF / Blender data sets with `params`; `catalogs.exchange.transforms` reads the files.
+"""Import of D-NeRF / Blender data sets with `params` or `time`; `catalogs.exchange.transforms` reads the files.
 
-Frames with equal `params` (to nine digits) become one member with its own cameras.
+Frames with equal `params` and `time` (to nine digits) become one member with its own cameras.
 
 - Members in the training file are training members; `validation_members` of them are set aside for validation.
 - Members only in the validation or the test file are for validation or test.
@@ -22,7 +22,8 @@ from typing import Any
 
 import numpy as np
 
-from catalogs.exchange.transforms import FILES, ExchangeError, Frame, read_frames
+from catalogs.exchange.records import ExchangeError
+from catalogs.exchange.transforms import FILES, Frame, read_frames
 from catalogs.files.images import read_image
 from catalogs.store.catalog import Catalog, CatalogPlan, Member, MemberWriter
 from catalogs.vocabulary.appearance import ImportedImages
@@ -74,7 +75,7 @@ def import_nerf(
     catalog_path : the `.cdb` folder to write.
     bounds : world box (low, high) of the volume, which the files lack.
     background : RGB in [0, 1] behind the opaque images; None to keep the alpha of RGBA images.
-    space : names and bounds of `params`; by default `names` (or p0, p1, ...) and the range of the training frames.
+    space : names and bounds of `params`; by default `names` (or the file's, or p0, p1, ...) and the range of the training frames.
     validation_members : number in all.  Those that the validation file lacks are drawn by `seed` from the training members,
         first those at the end of the fewest parameters.
     progress : called with images done and in all.
@@ -187,9 +188,11 @@ def _is_seen(camera: Camera, seen: np.ndarray) -> bool:
 def _space(frames: Sequence[Frame], space: ParameterSpace | None, names: Sequence[str] | None) -> ParameterSpace:
     count = len(frames[0].parameters)
     if space is None:
-        names = [f"p{i}" for i in range(count)] if names is None else list(names)
+        own = frames[0].names
+        names = list(own) if names is None else list(names)
         if len(names) != count:
-            raise ExchangeError(f"frames have {count} params, there are {len(names)} names: {names}")
+            last = ", the last of which is time" if own[-1] == "time" else ""
+            raise ExchangeError(f"frames have {count} params{last}, there are {len(names)} names: {names}")
         values = np.array([f.parameters for f in frames if f.file_split == "train"])  # [F, P]
         low, high = values.min(axis=0), values.max(axis=0)  # [P]
         high = np.where(high > low, high, low + np.maximum(np.abs(low), 1.0))  # a constant has no range of its own

@@ -5,39 +5,37 @@ One file holds `camera_angle_x` (full horizontal field of view, radians) and `fr
     file_path          the image, relative to the folder, with or without `.png`
     transform_matrix   camera to world, 4x4, OpenGL axes: x right, y up, z backward
     params             one number per simulation parameter
+    time               a further parameter, where frames differ in it
 
 (Mildenhall et al. 2020, Blender scenes; Pumarola et al. 2021, D-NeRF; Yao et al. 2024, ViSNeRF, for `params`.)  Pixels
-are square and the principal point is the middle of the image.  Files are untrusted: a path may not leave the folder, a matrix
-must be rigid, a lens must be a pinhole.
+are square and the principal point is the middle of the image, unless keys of the lens say otherwise (`lenses`).  Files are
+untrusted: a path may not leave the folder, a matrix must be rigid, a lens must be a pinhole.
 """
 
 from __future__ import annotations
 
 import json
 import math
+import warnings
 from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
-from itertools import chain
+from dataclasses import dataclass, replace
 from pathlib import Path, PurePosixPath
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from catalogs.exchange.lenses import angle_of, lens_of, unknown_keys
+from catalogs.exchange.records import ExchangeError, numbers, shown
 from catalogs.files.png import PngError, check_png
 from catalogs.vocabulary.cameras import Camera
+from catalogs.vocabulary.words import shortened
 
 FILES = {"train": "transforms_train.json", "validation": "transforms_val.json", "test": "transforms_test.json"}
 OPENGL_TO_OPENCV = np.diag([1.0, -1.0, -1.0, 1.0])
 RIGID_TOLERANCE = 1e-3  # published matrices are float32, or decimals of four digits
-DISTORTION = ("k1", "k2", "k3", "k4", "p1", "p2")
-LENS = ("fl_x", "fl_y", "cx", "cy")
 READERS = 4
-
-
-class ExchangeError(ValueError):
-    """A foreign data set can't be imported; the message names the file, the frame and the remedy."""
 
 
 @dataclass(frozen=True)
@@ -49,7 +47,8 @@ class Frame:
     path : its file, inside the data set's folder.
     file_split : "train", "validation" or "test": the transforms file that names it.
     camera : of the image's size.
-    parameters : its `params`.
+    parameters : its `params`, and its `time`.
+    names : of the parameters: the file's `parameter_names`, or p0, p1, ..., and time.
     has_alpha : True for RGBA, False for RGB.
     """
 
@@ -58,6 +57,7 @@ class Frame:
     camera: Camera
     parameters: tuple[float, ...]
     has_alpha: bool
+    names: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -67,9 +67,13 @@ class _Row:
     place: str
     path: Path
     file_split: str
-    angle: float
+    lens: Mapping[str, Any]
+    angle: float | None  # that of the file
     pose: NDArray[np.float64]  # [4, 4] world to camera
     parameters: tuple[float, ...]
+    time: float | None
+    names: tuple[str, ...]
+    unknown: tuple[str, ...]
 
 
 def read_frames(directory: Path) -> list[Frame]:
@@ -83,6 +87,8 @@ def read_frames(directory: Path) -> list[Frame]:
     if not any(row.file_split == "train" for row in rows):
         raise ExchangeError(f"{directory / FILES['train']} is missing or names no frame: is this a D-NeRF data set?")
     _check_agreement(rows)
+    _warn_of_unknown(rows)
+    rows = _with_time(rows)
     with ThreadPoolExecutor(READERS) as pool:
         frames = list(pool.map(_frame, rows))
     width, height = frames[0].camera.width, frames[0].camera.height
@@ -103,56 +109,50 @@ def _read_file(directory: Path, name: str, split: str) -> list[_Row]:
         record = json.loads(path.read_text(encoding="utf-8"), parse_constant=_refuse)
     except (ValueError, RecursionError) as error:
         raise ExchangeError(f"{path} is not valid JSON: {error}") from error
-    if not isinstance(record, dict) or "camera_angle_x" not in record or not isinstance(record.get("frames"), list):
+    if not isinstance(record, dict) or not isinstance(record.get("frames"), list):
         raise ExchangeError(f"{path} must hold camera_angle_x and a list of frames: is it a D-NeRF transforms file?")
-    angle = _numbers(record["camera_angle_x"], (), f"{path}: camera_angle_x")
-    if not 0.0 < angle < math.pi:
-        raise ExchangeError(f"{path}: camera_angle_x must lie in (0, pi) radians, got {angle}")
-    _check_lens(record, f"{path}")
-    folder = directory.resolve()
-    return [_row(folder, frame, split, float(angle), f"{path}, frame {i}") for i, frame in enumerate(record["frames"])]
+    unknown = unknown_keys(record, f"{path}")
+    folder, common = directory.resolve(), {key: value for key, value in record.items() if key != "frames"}
+    if "camera_angle_x" in common:
+        common["camera_angle_x"] = angle_of(common, "camera_angle_x", f"{path}")
+    rows = [_row(folder, frame, split, common, f"{path}, frame {i}") for i, frame in enumerate(record["frames"])]
+    return [replace(row, unknown=(*unknown, *row.unknown)) for row in rows]
 
 
 def _refuse(constant: str) -> None:
     raise ValueError(f"{constant} is not a JSON number")
 
 
-def _row(folder: Path, frame: Any, split: str, angle: float, place: str) -> _Row:
+def _row(folder: Path, frame: Any, split: str, common: Mapping[str, Any], place: str) -> _Row:
     if not isinstance(frame, dict):
-        raise ExchangeError(f"{place}: a frame must be an object, got {_short(frame)}")
-    missing = [key for key in ("file_path", "transform_matrix", "params") if key not in frame]
+        raise ExchangeError(f"{place}: a frame must be an object, got {shown(frame)}")
+    missing = [key for key in ("file_path", "transform_matrix") if key not in frame]
+    if "params" not in frame and "time" not in frame:
+        missing.append("params")
     if missing:
         raise ExchangeError(f"{place} lacks {', '.join(missing)}")
-    _check_lens(frame, place)
-    params = frame["params"]
-    if not isinstance(params, list) or not params:
-        raise ExchangeError(f"{place}: params must be a list of numbers, got {_short(params)}")
-    values = _numbers(params, (len(params),), f"{place}: params")
-    pose = world_to_camera(_numbers(frame["transform_matrix"], (4, 4), f"{place}: transform_matrix"), place)
-    path = _inside(folder, frame["file_path"], place)
-    return _Row(place, path, split, angle, pose, tuple(values.tolist()))
-
-
-def _numbers(value: Any, shape: tuple[int, ...], place: str) -> NDArray[np.float64]:
-    """Finite JSON numbers nested like `shape`, as float64."""
-    items = [value]
-    for length in shape:
-        if not all(isinstance(item, list) and len(item) == length for item in items):
-            raise ExchangeError(f"{place} must hold {'x'.join(map(str, shape))} numbers, got {_short(value)}")
-        items = list(chain.from_iterable(items))
-    for item in items:
-        if isinstance(item, bool) or not isinstance(item, int | float) or not abs(item) < 1e300:
-            raise ExchangeError(f"{place}: {_short(item)} is not a finite number")
-    return np.array(value, dtype=np.float64)
+    params = frame.get("params", [])
+    if not isinstance(params, list) or (not params and "params" in frame):
+        raise ExchangeError(f"{place}: params must be a list of numbers, got {shown(params)}")
+    values = numbers(params, (len(params),), f"{place}: params").tolist()
+    time = float(numbers(frame["time"], (), f"{place}: time")) if "time" in frame else None
+    pose = world_to_camera(numbers(frame["transform_matrix"], (4, 4), f"{place}: transform_matrix"), place)
+    path, names = _inside(folder, frame["file_path"], place), common.get("parameter_names")
+    if not isinstance(names, list) or len(names) != len(params) or not all(isinstance(name, str) for name in names):
+        names = [f"p{i}" for i in range(len(params))]
+    lens, unknown = {**common, **frame}, tuple(unknown_keys(frame, place))
+    return _Row(
+        place, path, split, lens, common.get("camera_angle_x"), pose, tuple(values), time, tuple(names), unknown
+    )
 
 
 def _inside(folder: Path, text: Any, place: str) -> Path:
     """The image `text`: a regular file of this folder, reached without links."""
     if not isinstance(text, str) or not text or "\x00" in text or "\\" in text:
-        raise ExchangeError(f"{place}: file_path must be a relative path with '/', got {_short(text)}")
+        raise ExchangeError(f"{place}: file_path must be a relative path with '/', got {shown(text)}")
     relative = PurePosixPath(text)
     if relative.is_absolute() or ".." in relative.parts:
-        raise ExchangeError(f"{place}: file_path {_short(text)} leaves the data set: nothing outside {folder} is read")
+        raise ExchangeError(f"{place}: file_path {shown(text)} leaves the data set: nothing outside {folder} is read")
     if relative.suffix.lower() != ".png":
         relative = relative.with_name(f"{relative.name}.png") if relative.name else relative
     path = folder / relative
@@ -162,7 +162,7 @@ def _inside(folder: Path, text: Any, place: str) -> Path:
         if not path.is_file():
             raise ExchangeError(f"{place}: {path} is missing (only PNG is read)")
     except OSError as error:
-        raise ExchangeError(f"{place}: {_short(text)} can't be looked up: {error}") from error
+        raise ExchangeError(f"{place}: {shown(text)} can't be looked up: {error}") from error
     return path
 
 
@@ -186,25 +186,15 @@ def world_to_camera(matrix: NDArray[np.float64], place: str) -> NDArray[np.float
     return pose
 
 
-def _check_lens(record: Mapping[str, Any], place: str) -> None:
-    distorted = [key for key in DISTORTION if record.get(key)]
-    if distorted:
-        raise ExchangeError(f"{place}: the lens is distorted ({', '.join(distorted)}): undistort the pictures first")
-    other = [key for key in LENS if key in record]
-    if other:
-        raise ExchangeError(
-            f"{place}: {', '.join(other)} describe the lens beside camera_angle_x, which is not read: a centered pinhole "
-            "with square pixels is known by camera_angle_x alone; remove the others where they say the same"
-        )
-
-
 def _check_agreement(rows: list[_Row]) -> None:
-    count, angle = len(rows[0].parameters), rows[0].angle
+    count, angle = len(rows[0].parameters), next((row.angle for row in rows if row.angle is not None), 0.0)
     named: dict[Path, str] = {}
     for row in rows:
         if len(row.parameters) != count:
             raise ExchangeError(f"{row.place} has {len(row.parameters)} params, the first frame {count}")
-        if not math.isclose(row.angle, angle, rel_tol=1e-6):
+        if (row.time is None) != (rows[0].time is None):
+            raise ExchangeError(f"{row.place} and {rows[0].place}: one has a time and the other none")
+        if row.angle is not None and not math.isclose(row.angle, angle, rel_tol=1e-6):
             raise ExchangeError(
                 f"{row.place}: camera_angle_x is {row.angle}, the first file's {angle}: they must agree"
             )
@@ -222,11 +212,26 @@ def _frame(row: _Row) -> Frame:
     if not header.is_plain_color:
         raise ExchangeError(f"{row.place}: {row.path} is {header.kind}: convert it to plain 8-bit RGB or RGBA")
     width, height = header.width, header.height
-    focal = width / (2.0 * math.tan(row.angle / 2.0))
-    camera = Camera(row.pose, focal, focal, width / 2.0, height / 2.0, width, height)
-    return Frame(row.path, row.file_split, camera, row.parameters, header.has_alpha)
+    camera = Camera(row.pose, *lens_of(row.lens, (width, height), row.place), width, height)
+    return Frame(row.path, row.file_split, camera, row.parameters, header.has_alpha, row.names)
 
 
-def _short(value: Any) -> str:
-    text = repr(value)
-    return text if len(text) <= 60 else f"{text[:57]}..."
+def _with_time(rows: list[_Row]) -> list[_Row]:
+    """The rows with their times as a last parameter, unless they have others, and times are all the same."""
+    if rows[0].time is None or (rows[0].parameters and len({row.time for row in rows}) == 1):
+        return rows
+    return [
+        replace(row, parameters=(*row.parameters, row.time or 0.0), names=(*row.names, "time"), time=None)
+        for row in rows
+    ]
+
+
+def _warn_of_unknown(rows: list[_Row]) -> None:
+    """Warn once of the keys that nobody here knows."""
+    first: dict[str, str] = {}
+    for row in rows:
+        for key in row.unknown:
+            first.setdefault(key, row.place)
+    if first:
+        named = shortened([f"{key} ({place})" for key, place in first.items()], 8)
+        warnings.warn(f"these keys are not known, and not read: {named}", stacklevel=4)

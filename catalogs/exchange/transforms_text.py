@@ -13,8 +13,9 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
+from catalogs.exchange.records import ExchangeError
 from catalogs.exchange.selection import SelectedImage, Selection
-from catalogs.exchange.transforms import FILES, OPENGL_TO_OPENCV, ExchangeError
+from catalogs.exchange.transforms import FILES, OPENGL_TO_OPENCV
 from catalogs.vocabulary.cameras import Camera
 
 FOLDERS = {"train": "train", "validation": "val", "test": "test"}
