@@ -13,12 +13,19 @@ from pathlib import Path
 import pytest
 
 PROJECT = Path(__file__).resolve().parent.parent
-SCENE = str(PROJECT / "scenes" / "tiny.toml")
 
 
 def start(command: str, runs: Path, *arguments: str) -> subprocess.Popen[str]:
     package, *rest = command.split()
-    program = [sys.executable, "-c", f"from {package}.cli import main; main()", *rest, SCENE, "--runs", str(runs)]
+    program = [
+        sys.executable,
+        "-c",
+        f"from {package}.cli import main; main()",
+        *rest,
+        str(runs / "tiny.toml"),
+        "--runs",
+        str(runs),
+    ]
     return subprocess.Popen(
         [*program, *arguments],
         cwd=PROJECT,
@@ -51,6 +58,10 @@ def interrupt_when(process: subprocess.Popen[str], ready: Path, pattern: str, se
 @pytest.mark.timeout(600)
 def test_from_simulation_to_report(tmp_path: Path) -> None:
     runs, folder = tmp_path / "runs", tmp_path / "runs" / "tiny"
+    text, steps = (PROJECT / "scenes" / "tiny.toml").read_text(), "deformation_steps = 1200"
+    assert steps in text
+    runs.mkdir()
+    (runs / "tiny.toml").write_text(text.replace(steps, "deformation_steps = 600"))
 
     interrupt_when(start("insitu dataset", runs), folder, "catalog.cdb/members/*/member.json")
     assert not list((folder / "catalog.cdb/members").glob(".*"))
