@@ -106,4 +106,5 @@ def unwrapped(values: NDArray[Any], name: str, attributes: Mapping[str, Any]) ->
 
 def _text(attributes: Mapping[str, Any], key: str) -> str:
     held = attributes.get(key, "")
+    held = held.ravel()[0] if isinstance(held, np.ndarray) and held.size == 1 else held  # as HDF5 has it
     return (held.decode(errors="replace") if isinstance(held, bytes) else str(held)).strip().lower()

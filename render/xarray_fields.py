@@ -73,8 +73,8 @@ def placed(
     Parameters
     ----------
     dims : what its axes are, in their own order, each of "x", "y" and "z"; by default as they are called.
-    spacing, origin : must agree with the coordinates where there are any.  Where z is measured in another unit than x and y,
-        such as metres beside degrees, `spacing` may state any distance along z.
+    spacing, origin : must agree with the coordinates where there are any.  `spacing` states the distance along z, too, where z is
+        measured in another unit than x and y, such as metres beside degrees.
 
     Axes of one value, such as a time, are dropped.  Depth and pressure are negative heights.  Raises ValueError naming axes that
     do not say what they are, coordinates that neither increase nor decrease, and a spacing or origin that contradicts them.
@@ -117,8 +117,8 @@ def placed(
             axis, values = axis[::-1], np.flip(values, 2 - number)
         axes.append(axis)
     units = [unit_of(order[letter], about[order[letter]]) for letter in AXES]
-    factor, notes = _height(axes, order, units, spacing) if not bare else (None, ())
-    _check_given(axes, order, spacing, origin, 3 if factor is None else 2)
+    factor, notes = _height(axes, order, units, spacing, bare)
+    _check_given(axes, order, spacing, origin, 3 if factor is None and bare != ["x", "y"] else 2)
     x, y, z = axes
     return PlacedArray(values, (x, y, z if factor is None else z * factor), *labels, (*before, *notes))
 
@@ -168,19 +168,29 @@ def along_axis(
 
 
 def _height(
-    axes: Sequence[NDArray[Any]], order: Mapping[str, str], units: Sequence[str], spacing: ArrayLike | None
+    axes: Sequence[NDArray[Any]],
+    order: Mapping[str, str],
+    units: Sequence[str],
+    spacing: ArrayLike | None,
+    bare: Sequence[str],
 ) -> tuple[float | None, tuple[str, ...]]:
-    """The factor of coordinates along z that are of another unit than x and y, and a note on it; None for none."""
+    """The factor of coordinates along z that are of another unit than x and y, and a note on it; None for none.
+
+    Where x and y are `bare` of coordinates, their unit is that of the spacing.
+    """
     x, y, z = units
-    if x != y or x == z or not x or (not z and x != "degrees") or min(map(len, axes)) < 2:
+    if min(map(len, axes)) < 2 or "z" in bare or len(bare) == 1:
         return None, ()
     length, width, height = (float(axis[-1] - axis[0]) for axis in axes)
+    shorter = min(length, width)
+    is_box = FLATTEST * shorter <= height <= SLIMMEST * shorter
+    if (is_box or not z) if bare else (x != y or x == z or not x or (not z and x != "degrees")):
+        return None, ()
     if spacing is not None:
         return triple("spacing", spacing)[2] * (len(axes[2]) - 1) / height, ()
-    shorter = min(length, width)
     if x in METRES and z in METRES:
         drawn, why = METRES[z] / METRES[x] * height, f"as in {x}"
-    elif FLATTEST * shorter <= height <= SLIMMEST * shorter:
+    elif is_box:
         return None, ()
     else:
         drawn, why = HEIGHT * shorter, "a quarter of the shorter side"

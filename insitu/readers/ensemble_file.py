@@ -32,7 +32,7 @@ from catalogs.vocabulary.scene import PlannedMember
 from insitu.fields.field import Field
 from insitu.fields.location import FieldLocation
 from insitu.readers.arrays import HDF5, NETCDF, Arrays, LabelledArray, StoredArray, open_arrays
-from insitu.readers.attributes import as_text, attributes_about, bounds_about, splits_of
+from insitu.readers.attributes import TIMES, as_text, attributes_about, bounds_about, splits_of
 from insitu.readers.identity import contents
 from insitu.readers.layout import EnsembleLayout, FileMapping, find_layout
 from insitu.readers.placement import axis_names, place_of, placed_field
@@ -192,11 +192,6 @@ def _described(
     if not np.isfinite(layout.values).all():
         first = int(np.argwhere(~np.isfinite(layout.values))[0, 0])
         raise ValueError(f"parameters must be finite, those of member {first} are not")
-    unique, counts = np.unique(layout.values, axis=0, return_counts=True)
-    if len(unique) < len(layout.values):
-        says = ", ".join(f"{n} {v:g}" for n, v in zip(layout.names, unique[counts > 1][0], strict=False))
-        count = len(layout.values) - len(unique)
-        warnings.warn(f"{count} states stand twice in a file, the later one is taken: {says} in {path}", stacklevel=4)
     array, names = held[0], axis_names(arrays, held[0])[-3:]
     along = {name: arrays.coordinate(array, name) for name in names}
     order = axis_order(names, mapped.dims, {n: a.attrs for n, a in along.items() if a is not None})
@@ -204,6 +199,7 @@ def _described(
     about = attributes_about(arrays, array)
     steps, starts = place_of(arrays, array, names, FieldLocation(spacing, origin, dims=mapped.dims))
     space = _space(arrays, layout, held[0], bounds)
+    _check_distinct(path, layout)
     return kind(
         path=path,
         layout=replace(layout, columns=None),
@@ -218,6 +214,18 @@ def _described(
         contents={k: v for k, v in contents(path).items() if k != "modified"},
         given={k: list(v) for k, v in {"spacing": spacing, "origin": origin, "dims": mapped.dims}.items() if v},
     )
+
+
+def _check_distinct(path: Path, layout: EnsembleLayout) -> None:
+    """Warn of times that stand twice; raises ValueError where other members have the same parameters."""
+    unique, counts = np.unique(layout.values, axis=0, return_counts=True)
+    if len(unique) == len(layout.values):
+        return
+    says = ", ".join(f"{n} {v:g}" for n, v in zip(layout.names, unique[counts > 1][0], strict=True))
+    if not {name.lower() for name in layout.names} & TIMES:
+        raise ValueError(f"several members have the parameters {says}: members must differ, --parameters names in what")
+    count = len(layout.values) - len(unique)
+    warnings.warn(f"{count} states stand twice in a file, the later one is taken: {says} in {path}", stacklevel=5)
 
 
 def _field_name(about: Mapping[str, Any], held: Sequence[StoredArray]) -> str:

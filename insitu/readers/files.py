@@ -184,15 +184,28 @@ def _claimed(stream: IO[bytes], stored: int, what: str) -> tuple[int, ...]:
 
 
 def volume(arrays: Arrays, name: str | None, states: int = 0) -> StoredArray:
-    """The array with three axes behind those of `states` (others have one value each) that is asked for, or the only one."""
-    if name is not None:
-        found = wanted_array(arrays, name)
-        if found is None or not found.is_real:
-            raise ValueError(f"there is no array {name!r} of numbers; the file holds {arrays}")
-        return found
+    """The array with three axes behind those of `states` (others have one value each) that is asked for, or the only one.
+
+    Raises ValueError listing what the file holds.
+    """
     aside = auxiliaries(arrays)
-    held = [a for a in arrays.arrays.values() if a.is_real and a.name not in aside]
-    volumes = [a for a in held if sum(size > 1 for size in a.shape[states:]) == 3]
-    if len(volumes) != 1:
+    extents = {
+        a.name: sum(size > 1 for size in a.shape[states:]) for a in arrays.arrays.values() if a.name not in aside
+    }
+    found = None if name is None else wanted_array(arrays, name)
+    if name is None:
+        shaped = [arrays.arrays[other] for other, count in extents.items() if count == 3]
+        real = [array for array in shaped if array.is_real] or shaped
+        found = real[0] if len(real) == 1 else None
+    elif found is None:
+        raise ValueError(f"there is no array {name!r} of numbers; the file holds {arrays}")
+    larger = found if found is not None and extents.get(found.name, 0) > 3 else None
+    if found is None and 3 not in extents.values():
+        larger = next((a for a in arrays.arrays.values() if a.is_real and extents.get(a.name, 0) > 3), None)
+    if larger is not None:
+        raise ValueError(f"{larger!r} has more than three axes: in an ensemble each index of the first is a member")
+    if found is None:
         raise ValueError(f"name the array to render; the file holds {arrays}")
-    return volumes[0]
+    if not found.is_real:
+        raise ValueError(f"array {found.name!r} must hold real numbers, got {found.dtype} {found.shape}")
+    return found

@@ -83,7 +83,8 @@ def _filled(
         if held is not None and held.shape[0] > 1:
             values = along_axis(held.read(), held.stem, held.shape[0], letter, held.attrs)
             assert values is not None
-            steps[number] = abs(float(values[-1]) - float(values[0])) / (len(values) - 1)
+            if letter != "z" or along["x"] is not None or along["y"] is not None:  # else it may be of another unit
+                steps[number] = abs(float(values[-1]) - float(values[0])) / (len(values) - 1)
             starts[number] = float(min(values[0], values[-1]))
     return tuple(steps), tuple(starts)
 

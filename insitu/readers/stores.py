@@ -45,11 +45,14 @@ def records(
 
 
 def has_states(path: Path, fields: Sequence[str] = ()) -> bool:
-    """True if a file holds more than one state of its fields."""
+    """True if a file holds more than one state of its fields; one that is damaged has none."""
     if not is_store(path):
         return False
-    with open_arrays(path) as arrays:
-        return any(math.prod(array.shape[:-3]) > 1 for array in _fields(arrays, fields))
+    try:
+        with open_arrays(path) as arrays:
+            return any(math.prod(array.shape[:-3]) > 1 for array in _fields(arrays, fields))
+    except (ValueError, OSError):
+        return False
 
 
 def reader_of_fields(fields: Sequence[str]) -> Reader:

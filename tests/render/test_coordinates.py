@@ -170,3 +170,16 @@ def test_lengths_are_brought_to_one_unit() -> None:
     with pytest.warns(ResamplingWarning, match="drawn 3 high, as in km"):
         grid = to_grid(field([0.0, 1000, 2000, 3000], lev={"units": "metres"}, lon=km, lat=km))
     assert np.allclose(grid.spacing, (1, 1, 1))
+
+
+def test_a_spacing_without_coordinates_states_the_height_where_else_there_is_no_box() -> None:
+    """Curved cells of the ocean: only depth has coordinates."""
+    data = field(np.linspace(0.0, 5500.0, 12), lev={"units": "m", "positive": "down"}).drop_vars(["lat", "lon"])
+    assert np.allclose(to_grid(data, spacing=(1, 1, 0.1)).bounds, [(0, 0, -1.1), (5, 4, 0)])
+    near = field(np.linspace(0.0, 5.5, 12), lev={"units": "m"}).drop_vars(["lat", "lon"])
+    assert np.allclose(to_grid(near, spacing=(1, 1, 0.1)).bounds, [(0, 0, 0), (5, 4, 5.5)])
+
+
+def test_attributes_may_be_arrays_of_one_word() -> None:
+    assert letter_of("a", {"axis": np.array([b"Z"])}) == "z"
+    assert points_down("a", {"positive": np.array(["down"])}, np.arange(2.0))

@@ -115,6 +115,12 @@ def test_of_a_time_that_stands_twice_the_later_is_taken_and_told(tmp_path: Path,
         assert np.array_equal((held["q"] if isinstance(held, dict) else held).values, field(1, 4)[index])
 
 
+def test_other_members_must_differ(tmp_path: Path) -> None:
+    data(1, times=[1.0, 2.0, 1.0]).rename(time="Re").to_netcdf(tmp_path / "a.nc")
+    with pytest.raises(ValueError, match="several members have the parameters Re 1"):
+        ReadingOptions(parameters="Re").open([str(tmp_path / "a.nc")])
+
+
 @pytest.mark.parametrize("calendar", ["noleap", "360_day", "gregorian"])
 def test_times_of_every_calendar_are_its_numbers(tmp_path: Path, calendar: str) -> None:
     cftime = pytest.importorskip("cftime")
