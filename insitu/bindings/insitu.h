@@ -42,7 +42,7 @@ int insitu_has(double time);
 
 int insitu_finalize(void);
 
-/* Why the last call failed, UTF-8; "" where it did not.  Valid until the next call. */
+/* Why this thread's last call failed, UTF-8; "" where it did not.  Valid until the next call. */
 const char *insitu_error(void);
 
 #ifdef __cplusplus

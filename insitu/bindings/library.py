@@ -19,7 +19,7 @@ ANSWER = 2  # added to a status: 0 says that the interpreter did not start
 def connect(ffi: Any) -> None:
     """Define the functions of the library, which has one session, for all threads."""
     calls, lock = LibraryCalls(), threading.RLock()
-    error_text = ffi.new("char[]", b"")  # C has a pointer to it
+    of_thread = threading.local()  # the error of its last call, and the text that C has a pointer to
 
     def answering(function: str, work: Callable[..., int], failed: int = FAILED) -> Callable[..., int]:
         def answer(*arguments: Any) -> int:
@@ -28,14 +28,14 @@ def connect(ffi: Any) -> None:
                     return work(*arguments) + ANSWER
                 except BaseException as error:
                     return calls.refuse(error, failed, function) + ANSWER
+                finally:
+                    of_thread.error = calls.error
 
         return answer
 
     def error() -> Any:
-        nonlocal error_text
-        with lock:
-            error_text = ffi.new("char[]", calls.error.encode(errors="replace"))
-            return error_text
+        of_thread.text = ffi.new("char[]", getattr(of_thread, "error", "").encode(errors="replace"))
+        return of_thread.text
 
     functions = _on_pointers(ffi, calls)
     for name, work in functions.items():

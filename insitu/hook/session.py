@@ -212,12 +212,8 @@ class Session:
         member = MemberArguments(parameters, name, split, time, provenance, appearances, *policies)
         given = LocalField(field, FieldLocation(spacing, origin, array, dims, ghosts, nan or self._nan))
         if self._ranks is SINGLE:
-            if any(map(any, ghost_layers(ghosts))):
-                raise ValueError(
-                    f"ghosts={ghosts!r} are layers of a block: pass comm= to the session, or cut them away"
-                )
             with no_traps():
-                return self._render(given, member)
+                return self._render(given, member, _ghosts_alone(ghosts))
         of_block = {"array": array, "dims": dims, "nan": nan or self._nan, "time": time} if field is not None else {}
         problem = disagreement(self._ranks, {"parameters": parameters, "name": name, "split": split, **of_block})
         with no_traps(), Blocks(self._ranks, given) as blocks:
@@ -266,3 +262,12 @@ class Session:
         self._failures.forget(name, parameters)
         if not result.skipped:
             self._results.append(result)
+
+
+def _ghosts_alone(ghosts: Ghosts) -> str:
+    """A sentence on ghost layers of a whole field, "" without any."""
+    try:
+        has_layers = any(map(any, ghost_layers(ghosts)))
+    except ValueError as error:
+        return str(error)
+    return f"ghosts={ghosts!r} are layers of a block: pass comm= to the session, or cut them away" if has_layers else ""

@@ -147,8 +147,11 @@ int main(int count, char **arguments) {
   double times[4] = {0.0, 0.5, 1.0, 1.5};
   pthread_create(&threads[0], NULL, (void *(*)(void *))begin, arguments);  /* not the first thread */
   pthread_join(threads[0], NULL);
+  const char *none = insitu_error();
+  int failed = insitu_set_parameter("K", 1);
   for (int i = 0; i < 4; ++i) pthread_create(&threads[i], NULL, work, &times[i]);
   for (int i = 0; i < 4; ++i) pthread_join(threads[i], NULL);
+  printf("%s%d %s\\n", none, failed, insitu_error());
   say("render", render(2.0));
   say("finalize", insitu_finalize());
   return 0;
@@ -235,7 +238,8 @@ def test_every_mistake_has_a_status_and_a_sentence(
 @pytest.mark.slow
 def test_any_thread_may_call(library: Library, tmp_path: Path) -> None:
     done = run(library.program(THREADS), SCENE, tmp_path / "a.cdb")
-    assert (done.returncode, done.stdout) == (0, "initialize: 0 \nrender: 0 \nfinalize: 0 \n"), done.stderr
+    error = "ValueError: parameters must be exactly ['k', 'time']: missing [], unknown ['K']"
+    assert done.stdout == f"initialize: 0 \n1 {error}\nrender: 0 \nfinalize: 0 \n", done.stderr
     assert sorted(m.parameters["time"] for m in Catalog.open(tmp_path / "a.cdb").members) == [0.0, 0.5, 1.0, 1.5, 2.0]
 
 

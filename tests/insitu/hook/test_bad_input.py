@@ -38,6 +38,8 @@ BAD: dict[str, tuple[Callable[[], Any], dict[str, Any], str]] = {
     "reaching out of the box": (blob, {"origin": (5.0, 0.0, 0.0)}, "(?i)box|origin"),
     "other transfer function": (blob, {"appearances": VolumeRendering("other", FUNCTION)}, "(?i)appearance"),
     "other views": (blob, {"views": ViewPlan(frequency=2, width=24, height=24)}, "(?i)views"),
+    "ghosts of one process": (blob, {"ghosts": 1}, "layers of a block"),
+    "half a ghost layer": (blob, {"ghosts": 0.5}, "ghosts must be a number of layers"),
     "unknown split": (blob, {"split": "tset"}, "split"),
 }
 
@@ -160,3 +162,9 @@ def test_pictures_larger_than_opengl_draws_leave_no_catalog(tmp_path: Path, look
     with pytest.raises(ValueError, match="choose width and height up to"):
         render(tmp_path / "a.cdb", appearances=look, views=ViewPlan(1, 200_000, 8), **changes)
     assert list(tmp_path.iterdir()) == []
+
+
+def test_ghosts_of_one_process_do_not_stop_a_solver_that_goes_on(catalog: Path) -> None:
+    with pytest.warns(UserWarning, match="layers of a block"):
+        assert "layers of a block" in str(render(catalog, reynolds=160.0, ghosts=1, on_error="warn").error)
+    assert render(catalog, reynolds=160.0, ghosts=(0, 0, 0)).error == ""
