@@ -47,6 +47,18 @@ NAMES = {
 }
 
 
+# Attributes that name arrays which describe another; those of the second kind write "term: name".
+DESCRIBING = ("bounds", "climatology", "grid_mapping", "ancillary_variables", "coordinates")
+DESCRIBING_BY_TERM = ("cell_measures", "formula_terms")
+
+
+def described(attributes: Mapping[str, Any]) -> set[str]:
+    """Names of the arrays that describe the one with these attributes: its bounds, measures, terms, mapping and quality."""
+    words = [word for key in DESCRIBING for word in str(attributes.get(key, "")).split()]
+    by_term = [word for key in DESCRIBING_BY_TERM for word in str(attributes.get(key, "")).split()]
+    return {word.rstrip(":") for word in words} | {word for word in by_term if not word.endswith(":")}
+
+
 def letter_of(name: str, attributes: Mapping[str, Any]) -> str:
     """ "x", "y" or "z" for an axis; "" where neither the attributes of its coordinate nor its name say."""
     axis = _text(attributes, "axis")

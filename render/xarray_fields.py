@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from render.coordinates import AXES, METRES, letter_of, points_down, unit_of, unwrapped
+from render.coordinates import AXES, METRES, described, letter_of, points_down, unit_of, unwrapped
 from render.grids import triple
 
 SAME = 1e-5  # relative deviation of a spacing, or of an origin in spacings, that still agrees with coordinates
@@ -56,7 +56,9 @@ def chosen(data: Any, array: str | None) -> Any:
         if array not in held:
             raise ValueError(f"no array {array!r} in the {type(data).__name__}: it has {held or 'none'}")
         return data[array]
-    volumes = [name for name in held if _extents(data[name]) >= 3]
+    known = [data[name] for name in [*data.data_vars, *getattr(data, "coords", ())]]
+    aside = {name for one in known for name in described(getattr(one, "attrs", {}))}
+    volumes = [name for name in held if name not in aside and _extents(data[name]) >= 3]
     if len(volumes) != 1:
         raise ValueError(f"name the array to render: the {type(data).__name__} has {volumes or held or 'none'}")
     return data[volumes[0]]

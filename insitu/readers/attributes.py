@@ -12,15 +12,13 @@ from numpy.typing import NDArray
 
 from catalogs.vocabulary.parameters import SPLITS
 from insitu.readers.arrays import Arrays, StoredArray
+from render.coordinates import described
 
 SPLIT = "split"
 SPLIT_WORDS = {"training": "train", "val": "validation", "valid": "validation", "testing": "test"}
 LOWER, UPPER = ("lower", "low", "min", "lower_bounds", "minimum"), ("upper", "high", "max", "upper_bounds", "maximum")
 BOTH = ("bounds", "ranges", "limits", "parameter_bounds", "parameter_ranges", "param_bounds")
-# CF's attributes that name arrays which describe another; those of the second kind write "term: name".
-DESCRIBING = ("bounds", "climatology", "grid_mapping", "ancillary_variables", "coordinates")
-DESCRIBING_BY_TERM = ("cell_measures", "formula_terms")
-TIMES = {"time", "times", "t", "time_counter", "xtime"}  # in lower case
+TIME = re.compile(r"t|x?times?|time_\w+|\w+_time", re.IGNORECASE)  # names of times
 NAMES = ("names", "parameter_names", "param_names", "columns", "labels")
 
 
@@ -45,13 +43,8 @@ def auxiliaries(arrays: Arrays, *, but: str = "") -> set[str]:
     found: set[str] = set()
     about = [(a.group, a.attrs) for a in arrays.arrays.values()] + list(arrays.attrs.items())
     for group, attrs in about:
-        for key in (*DESCRIBING, *DESCRIBING_BY_TERM):
-            stated = attrs.get(key)
-            if key == but or not isinstance(stated, str | bytes):
-                continue
-            words = as_text(stated).split()
-            named = [word for word in words if not word.endswith(":")] if key in DESCRIBING_BY_TERM else words
-            found |= {path for word in named if (path := _nearest(arrays, group, word.rstrip(":")))}
+        stated = {key: as_text(value) for key, value in attrs.items() if isinstance(value, str | bytes) and key != but}
+        found |= {path for name in described(stated) if (path := _nearest(arrays, group, name))}
     return found
 
 
@@ -59,7 +52,7 @@ def is_time(array: StoredArray) -> bool:
     """True if an array holds times, by its attributes or its name."""
     about = {key: as_text(array.attrs.get(key, "")).lower() for key in ("axis", "standard_name", "units")}
     stated = about["axis"] == "t" or about["standard_name"] == "time" or " since " in about["units"]
-    return stated or array.stem.lower() in TIMES
+    return stated or TIME.fullmatch(array.stem) is not None
 
 
 def _nearest(arrays: Arrays, group: str, name: str) -> str:

@@ -32,7 +32,7 @@ from catalogs.vocabulary.scene import PlannedMember
 from insitu.fields.field import Field
 from insitu.fields.location import FieldLocation
 from insitu.readers.arrays import HDF5, NETCDF, Arrays, LabelledArray, StoredArray, open_arrays
-from insitu.readers.attributes import TIMES, as_text, attributes_about, bounds_about, splits_of
+from insitu.readers.attributes import TIME, as_text, attributes_about, bounds_about, splits_of
 from insitu.readers.identity import contents
 from insitu.readers.layout import EnsembleLayout, FileMapping, find_layout
 from insitu.readers.placement import axis_names, place_of, placed_field
@@ -222,7 +222,7 @@ def _check_distinct(path: Path, layout: EnsembleLayout) -> None:
     if len(unique) == len(layout.values):
         return
     says = ", ".join(f"{n} {v:g}" for n, v in zip(layout.names, unique[counts > 1][0], strict=True))
-    if not {name.lower() for name in layout.names} & TIMES:
+    if not any(TIME.fullmatch(name) for name in layout.names):
         raise ValueError(f"several members have the parameters {says}: members must differ, --parameters names in what")
     count = len(layout.values) - len(unique)
     warnings.warn(f"{count} states stand twice in a file, the later one is taken: {says} in {path}", stacklevel=5)

@@ -11,7 +11,7 @@ from pathlib import Path
 from catalogs.vocabulary.words import shortened
 from insitu.readers import stores, vtk_files
 from insitu.readers.arrays import is_store
-from insitu.readers.attributes import TIMES
+from insitu.readers.attributes import TIME
 from insitu.readers.codes import listed_readers, reader_of
 from insitu.readers.files import is_field_file
 from insitu.readers.folders import files_below, is_folder_file
@@ -206,7 +206,7 @@ def _last(records: Sequence[StoredState], path: Path, repeated: list[str]) -> li
     """
     names = {name for record in records for name in record.says if name not in COUNTERS}
     names = {name for name in names if len({record.says.get(name) for record in records}) > 1}
-    if not {name.lower() for name in names} & {*TIMES, "redshift"}:
+    if not any(TIME.fullmatch(name) or name == "redshift" for name in names):
         return list(records)
     kept: dict[object, StoredState] = {}
     for record in records:

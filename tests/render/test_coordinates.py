@@ -183,3 +183,13 @@ def test_a_spacing_without_coordinates_states_the_height_where_else_there_is_no_
 def test_attributes_may_be_arrays_of_one_word() -> None:
     assert letter_of("a", {"axis": np.array([b"Z"])}) == "z"
     assert points_down("a", {"positive": np.array(["down"])}, np.arange(2.0))
+
+
+def test_of_a_data_set_what_describes_the_field_is_no_field() -> None:
+    held = field(np.arange(3.0))
+    described = held.assign_attrs(cell_measures="volume: volcello", ancillary_variables="quality")
+    data = xarray.Dataset(
+        {"thetao": described, "volcello": 0 * held, "quality": held > 0, "lev_bnds": ("lev", [0, 1, 2])}
+    )
+    assert np.array_equal(to_grid(data).values, held.values)
+    assert to_grid(data, array="volcello").range == (0.0, 0.0)
