@@ -32,24 +32,36 @@ def main() -> None:
     is_flag=True,
     help="Move members that must be rendered again into PATH/damaged, and rebuild all rows from the members' records.",
 )
-def check(path: Path, repair: bool) -> None:
-    """Validate PATH against Cinema specification D and decode every image; the exit status is 1 if there are findings.
+@click.option(
+    "--accept",
+    is_flag=True,
+    help="Take all files as they are, such as an edited catalog.json: write their digests and all rows anew.",
+)
+def check(path: Path, repair: bool, accept: bool) -> None:
+    """Validate PATH against Cinema specification D, and every file against its digest; the exit status is 1 if there are findings.
 
-    Without --repair nothing is written.  With it, members with missing or damaged images, records or summaries are moved into
-    PATH/damaged, so that rendering the scene again replaces them; remaining findings are printed.
+    Without --repair or --accept nothing is written.  With --repair, members with missing or damaged images, records or summaries
+    are moved into PATH/damaged, so that rendering the scene again replaces them; remaining findings are printed.
     """
     from catalogs.store.catalog import Catalog
+    from catalogs.tools import repair as tools
     from catalogs.tools.check import check as run
-    from catalogs.tools.repair import Repaired, how_to_render_again
-    from catalogs.tools.repair import repair as mend
 
+    if repair and accept:
+        raise click.UsageError("--repair and --accept exclude each other: repair what is damaged, then accept the rest")
+    notes: list[str] = []
     with _progress() as line:
         progress = partial(line.count, "checking")
-        done = mend(path, progress=progress) if repair else Repaired((), tuple(run(path, progress=progress)))
-    for text in map(str, (*done.set_aside, *done.findings)):
+        if repair:
+            done = tools.repair(path, progress=progress)
+        elif accept:
+            done = tools.Repaired((), tools.accept(path, progress=partial(line.count, "accepting", unit="members")))
+        else:
+            done = tools.Repaired((), tuple(run(path, progress=progress, note=notes.append)))
+    for text in map(str, (*done.mended, *done.set_aside, *done.findings, *notes)):
         click.echo(text)
     if done.set_aside:
-        click.echo(how_to_render_again(Catalog.open(path), done.set_aside))
+        click.echo(tools.how_to_render_again(Catalog.open(path), done.set_aside))
     if count := len(done.findings):
         raise click.ClickException(f"{path}: {count} finding{'s' * (count > 1)}")
     click.echo(f"{path}: nothing wrong{' any more' if repair else ''}")

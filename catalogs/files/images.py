@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catalogs.files import durable
+from catalogs.files.digests import digest_of, digest_of_file
 from catalogs.files.png import SIGNATURE, TEXT_KIND, text_body
 
 FORMATS = {"png": ".png", "exr": ".exr"}
@@ -74,8 +75,10 @@ def to_bytes(rgba: NDArray[Any]) -> NDArray[np.uint8]:
     return pixels
 
 
-def write_image(path: Path, rgba: NDArray[Any]) -> None:
+def write_image(path: Path, rgba: NDArray[Any]) -> str:
     """Write premultiplied RGBA [H, W, 4]; `.png` stores 8-bit straight alpha, `.exr` float32 premultiplied.
+
+    Returns the file's digest (`catalogs.files.digests`).
 
     Raises ValueError for another shape or dtype and for floats that are not finite; OSError where the disk refuses.
     """
@@ -84,9 +87,11 @@ def write_image(path: Path, rgba: NDArray[Any]) -> None:
     if rgba.dtype == np.float32 and not np.isfinite(rgba).all():
         raise ValueError("an image must be finite: it holds NaN or infinite pixels")
     if path.suffix == ".png":
-        durable.write(path, encode_png(straighten(to_bytes(rgba))))
-    else:
-        write_exr(path, to_float(rgba))
+        data = encode_png(straighten(to_bytes(rgba)))
+        durable.write(path, data)
+        return digest_of(data)
+    write_exr(path, to_float(rgba))
+    return digest_of_file(path)
 
 
 def encode_png(pixels: NDArray[np.uint8], texts: Mapping[str, str] | None = None) -> bytes:

@@ -29,6 +29,7 @@ from numpy.typing import NDArray
 from catalogs.files import durable
 from catalogs.files.images import write_image
 from catalogs.store.description import DESCRIPTION, LOCK, check_place, read_description, write_empty
+from catalogs.store.digests import Digests
 from catalogs.store.journal import key_of
 from catalogs.store.members import RECORD, SUMMARY, Member, known_appearances, read_record, write_record
 from catalogs.store.missing import MissingMember, missing_members
@@ -52,7 +53,8 @@ class MemberWriter:
         self._catalog = catalog
         self._replace = replace
         self.member = member
-        self._written: set[tuple[str, int]] = set()
+        self._written: dict[tuple[str, int], str] = {}  # digests of images
+        self._files: dict[str, str] = {}  # digests of other files
 
     @property
     def path(self) -> Path:
@@ -80,13 +82,13 @@ class MemberWriter:
             )
         path = self.path / plan.image_name(appearance, view)
         path.parent.mkdir(exist_ok=True)
-        write_image(path, rgba)
-        self._written.add((appearance, view))
+        self._written[appearance, view] = write_image(path, rgba)
 
     def write_summaries(self, summaries: Mapping[str, FieldSummary]) -> None:
         """Store summaries of the member's fields, by name ("" for a single field), beside the images."""
         single = len(self._catalog.plan.fields) == 1 == len(summaries)
-        save_summaries(self.path / SUMMARY, {"": next(iter(summaries.values()))} if single else summaries)
+        stored = {"": next(iter(summaries.values()))} if single else summaries
+        self._files[SUMMARY] = save_summaries(self.path / SUMMARY, stored)
 
     def add_provenance(self, **values: Any) -> None:
         """Add JSON values to the member's provenance."""
@@ -96,6 +98,12 @@ class MemberWriter:
         """(appearance, view) pairs that are not written yet."""
         views = range(len(self.member.cameras))
         return [(a, v) for a in self.member.appearances for v in views if (a, v) not in self._written]
+
+    def digests(self) -> Digests:
+        """Digests of all files that were written."""
+        views = range(len(self.member.cameras))
+        images = {a: "".join(self._written[a, v] for v in views) for a in self.member.appearances}
+        return Digests(images, self._files)
 
     def __enter__(self) -> MemberWriter:
         return self
@@ -328,6 +336,7 @@ class Catalog:
         `set_aside` is called under the lock and names members to move, each with its new path.
         """
         with durable.locked(self.path / LOCK):
+            durable.make_folder(self.path / MEMBERS)
             self._table.clean_up()
             moves = set_aside()
             self._table.derive_rows(without=moves)
@@ -344,7 +353,7 @@ class Catalog:
         member, missing = writer.member, writer.missing()
         if missing:
             raise CatalogError(f"member {member.name} lacks {len(missing)} images, first {missing[0]}: not stored")
-        write_record(member, self.plan)
+        write_record(member, self.plan, writer.digests())
         durable.sync_tree(member.path)
         with self._ready_for([member], replace=replace):
             if member.name in self:

@@ -3,16 +3,23 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 from catalogs.files import cinema, durable
-from catalogs.store.plan import CatalogError, CatalogPlan, read_json
+from catalogs.files.digests import digest_of_json
+from catalogs.store.plan import ACCEPT, CHANGED, CatalogError, CatalogPlan, read_json
 from catalogs.store.table import HIDDEN, MEMBERS, TABLE
 
 SCHEMA = 5
 OLDEST = 2  # schema that can still be read: 2 to 4 are 5 without fields, logarithmic scales or packs
 DESCRIPTION = "catalog.json"
 LOCK = ".lock"
+DIGEST = "digest"
+PLAN = ("parameters", "appearances", "cameras", "view_splits", "bounds", "background", "image_format", "provenance")
+OPTIONAL = ("variations", "layout", "fields")
+RESTORE = "restore it from a copy, or from an empty catalog of the same scene"
 
 
 def check_place(path: Path, plan: CatalogPlan) -> None:
@@ -32,13 +39,29 @@ def write_empty(path: Path, plan: CatalogPlan) -> None:
     durable.remove_abandoned(path)
     durable.make_folder(path / MEMBERS)
     durable.replace(path / TABLE, table)
-    record = {"schema": SCHEMA, **plan.to_json()}
-    durable.replace(path / DESCRIPTION, json.dumps(record, indent=1, allow_nan=False).encode())
+    _write(path, {"schema": SCHEMA, **plan.to_json()})
 
 
 def read_description(path: Path) -> CatalogPlan:
     """Plan of the catalog at `path`; raises CatalogError where it is absent, damaged, or of a schema that is not read."""
+    return _read(path, read_json(path / DESCRIPTION))
+
+
+def accept_description(path: Path) -> None:
+    """Take the catalog's description for right, whatever its digest; raises CatalogError as `read_description` otherwise."""
     record = read_json(path / DESCRIPTION)
+    accepted = {key: value for key, value in record.items() if key != DIGEST}
+    _ = _read(path, accepted)
+    if record.get(DIGEST) != _digest(accepted):
+        _write(path, accepted)
+
+
+def _write(path: Path, record: Mapping[str, Any]) -> None:
+    text = json.dumps({**record, DIGEST: _digest(record)}, indent=1, allow_nan=False)
+    durable.replace(path / DESCRIPTION, text.encode())
+
+
+def _read(path: Path, record: Mapping[str, Any]) -> CatalogPlan:
     schema = record.get("schema")
     if type(schema) is not int or schema < 1:
         raise CatalogError(f"{path / DESCRIPTION} is damaged: its schema is {schema!r}")
@@ -47,10 +70,18 @@ def read_description(path: Path) -> CatalogPlan:
     if schema < OLDEST:
         raise CatalogError(f"{path} has schema {schema}, this program reads from {OLDEST} on: render it again")
     try:
-        return CatalogPlan.from_json(record)
+        plan = CatalogPlan.from_json(record, digest=_digest(record, without=("provenance",)))
     except (KeyError, TypeError, ValueError) as error:
         reason = str(error) if isinstance(error, ValueError) else repr(error)
         raise CatalogError(f"{path / DESCRIPTION} is damaged: {reason}") from error
+    if record.get(DIGEST) not in (None, _digest(record)):
+        raise CatalogError(f"{path / DESCRIPTION} is damaged: {CHANGED}: {RESTORE}; {ACCEPT}")
+    return plan
+
+
+def _digest(record: Mapping[str, Any], without: tuple[str, ...] = ()) -> str:
+    """The digest of the plan in a description's record: of the keys that are read, so that later ones may be added."""
+    return digest_of_json({key: record[key] for key in (*PLAN, *OPTIONAL) if key in record and key not in without})
 
 
 def _refuse_foreign(path: Path, table: bytes) -> None:

@@ -6,14 +6,28 @@ import json
 import math
 import sys
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from catalogs.files import cinema, durable
-from catalogs.store.plan import CatalogError, CatalogPlan, check_views, json_values, name_problem, read_json
+from catalogs.files.digests import digest_of, is_sealed, sealed
+from catalogs.store.digests import Digests
+from catalogs.store.plan import (
+    ACCEPT,
+    CHANGED,
+    CatalogError,
+    CatalogPlan,
+    check_views,
+    json_values,
+    name_problem,
+    parsed_json,
+    read_bytes,
+    read_json,
+)
 from catalogs.store.summary import FieldSummary, load_summaries
 from catalogs.vocabulary.cameras import Camera, spherical_angles
 from catalogs.vocabulary.parameters import SPLITS
@@ -24,6 +38,7 @@ RECORD = "member.json"
 ROWS = "rows.csv"
 CAMERAS = "cameras.json"
 SUMMARY = "field.npz"
+NO_DIGESTS = Digests()
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,12 +134,18 @@ def rows_of(member: Member, plan: CatalogPlan) -> Iterator[list[cinema.Cell]]:
             ]
 
 
-def write_record(member: Member, plan: CatalogPlan) -> None:
-    """Write the member's record, rows and own cameras into its folder; not synced."""
+def write_record(member: Member, plan: CatalogPlan, digests: Digests = NO_DIGESTS) -> None:
+    """Write the member's record, with the `digests` of its images and summaries, rows and own cameras; not synced."""
     durable.write(member.path / ROWS, cinema.format_rows(rows_of(member, plan)).encode())
     if not plan.cameras:
-        cameras = [camera.to_json() for camera in member.cameras]
-        durable.write(member.path / CAMERAS, json.dumps(cameras).encode())
+        cameras = json.dumps([camera.to_json() for camera in member.cameras]).encode()
+        durable.write(member.path / CAMERAS, cameras)
+        digests = replace(digests, files={**digests.files, CAMERAS: digest_of(cameras)})
+    durable.write(member.path / RECORD, record_of(member, plan, digests))
+
+
+def record_of(member: Member, plan: CatalogPlan, digests: Digests) -> bytes:
+    """Contents of the member's record in a catalog of this plan."""
     record = {
         "name": member.name,
         "parameters": dict(member.parameters),
@@ -133,21 +154,36 @@ def write_record(member: Member, plan: CatalogPlan) -> None:
         "view_splits": list(member.view_splits),
         "provenance": dict(member.provenance),
         **({"appearances": list(member.appearances)} if len(member.appearances) < len(plan.appearances) else {}),
+        "digests": replace(digests, plan=plan.digest).to_json(),
     }
-    durable.write(member.path / RECORD, json.dumps(record, indent=1, allow_nan=False).encode())
+    return sealed(record)
 
 
 def read_record(path: Path, plan: CatalogPlan) -> Member:
     """The member in the folder `path`; raises CatalogError naming the file that is absent or damaged."""
-    record = read_json(path / RECORD)
-    try:
-        cameras = plan.cameras
-        if record["own_cameras"]:
-            cameras = tuple(Camera.from_json(camera) for camera in read_json(path / CAMERAS, list))
+    return read_member(path, plan, verify=False)[0]
+
+
+def read_member(path: Path, plan: CatalogPlan, *, verify: bool = True) -> tuple[Member, Digests]:
+    """The member in the folder `path`, and its digests.
+
+    Raises CatalogError naming the file that is absent or damaged or, with `verify`, contradicts its digest.
+    """
+    data = read_bytes(path / RECORD)
+    record = parsed_json(path / RECORD, data)
+    if verify and not is_sealed(data) and not record.keys().isdisjoint(("digest", "digests")):
+        raise CatalogError(f"{path / RECORD} is damaged: {CHANGED}; {ACCEPT}")
+    with _damage_named(path / RECORD):
+        digests = Digests.from_json(record["digests"]) if "digests" in record else NO_DIGESTS
+        has_own = record["own_cameras"]
+    cameras = (
+        _own_cameras(path / CAMERAS, digests.files.get(CAMERAS, "") if verify else "") if has_own else plan.cameras
+    )
+    with _damage_named(path / RECORD):
         parameters = {name: float(record["parameters"][name]) for name in plan.space.names}
         if not all(map(math.isfinite, parameters.values())) or record["name"] != path.name:
             raise ValueError(f"it describes {record['name']} with {parameters}")
-        return Member(
+        member = Member(
             name=record["name"],
             parameters=parameters,
             split=sys.intern(record["split"]),
@@ -157,8 +193,47 @@ def read_record(path: Path, plan: CatalogPlan) -> Member:
             provenance=record["provenance"],
             appearances=known_appearances(record.get("appearances"), plan.appearance_names),
         )
+    return member, digests
+
+
+def own_name(folder: Path) -> str:
+    """The name in the record of the member in `folder`, which may have been renamed; "" unless its digest proves it right."""
+    try:
+        data = read_bytes(folder / RECORD)
+        name = parsed_json(folder / RECORD, data)["name"] if is_sealed(data) else ""
+    except (CatalogError, OSError, KeyError):
+        return ""
+    return name if name_problem(name) is None else ""
+
+
+def restored_record(folder: Path, parameters: Mapping[str, float]) -> bytes | None:
+    """The damaged record of the member in `folder` as it was with these parameters; None unless its digest proves that."""
+    try:
+        record = read_json(folder / RECORD)
+        digest = record.pop("digest")
+        data = sealed({**record, "parameters": dict(parameters)})
+    except (CatalogError, OSError, KeyError, ValueError):
+        return None
+    return data if parsed_json(folder / RECORD, data)["digest"] == digest else None
+
+
+@contextmanager
+def _damage_named(path: Path) -> Iterator[None]:
+    """Raise CatalogError naming the file `path`, whose contents the block takes up, where they are malformed."""
+    try:
+        yield
     except (KeyError, TypeError, ValueError) as error:
-        raise CatalogError(f"{path / RECORD} is damaged: {error!r}") from error
+        raise CatalogError(f"{path} is damaged: {error!r}") from error
+
+
+def _own_cameras(path: Path, digest: str) -> tuple[Camera, ...]:
+    """The cameras in a member's file, which must have this digest unless that is ""."""
+    data = read_bytes(path)
+    records = parsed_json(path, data, list)
+    if digest and digest_of(data) != digest:
+        raise CatalogError(f"{path} is damaged: {CHANGED}; {ACCEPT}")
+    with _damage_named(path):
+        return tuple(Camera.from_json(camera) for camera in records)
 
 
 def _shared(splits: Sequence[str], known: tuple[str, ...]) -> tuple[str, ...]:

@@ -7,17 +7,17 @@ Rendering the member later removes the file.  Nothing depends on these files, so
 
 from __future__ import annotations
 
-import json
 import math
 import time
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from catalogs.files import durable
-from catalogs.store.plan import CatalogError, name_problem, read_json
+from catalogs.files.digests import is_sealed, sealed
+from catalogs.store.plan import CatalogError, name_problem, parsed_json, read_bytes
 
 MISSING = ".missing"
 LONGEST_REASON = 2000  # characters
@@ -45,11 +45,12 @@ def report_missing(catalog: Path, name: str, parameters: Any, reason: str) -> No
     values = parameters.items() if isinstance(parameters, Mapping) else ()
     numbers = {str(key): float(value) for key, value in values if isinstance(value, int | float)}
     record = {
+        "name": name,
         "parameters": {key: value for key, value in numbers.items() if math.isfinite(value)},
         "reason": reason[:LONGEST_REASON],
         "when": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
     }
-    durable.replace(folder / f"{name}.json", json.dumps(record, indent=1).encode())
+    durable.replace(folder / f"{name}.json", sealed(record))
 
 
 def no_longer_missing(catalog: Path, name: str, parameters: Mapping[str, float] | None = None) -> None:
@@ -63,11 +64,20 @@ def no_longer_missing(catalog: Path, name: str, parameters: Mapping[str, float] 
 
 
 def missing_members(catalog: Path) -> tuple[MissingMember, ...]:
-    """Members that were reported missing and are still absent, sorted by name; damaged records are left out."""
-    reported = []
+    """Members that were reported missing and are still absent, sorted by name; damaged reports are left out."""
+    return tuple(member for _, member in reports(catalog) if member is not None)
+
+
+def reports(catalog: Path) -> Iterator[tuple[str, MissingMember | None]]:
+    """Names of absent members that were reported missing, sorted, and each report; None where it is damaged."""
     for path in sorted((catalog / MISSING).glob("[!.]*.json")):
+        if (catalog / "members" / path.stem / "member.json").is_file():
+            continue
+        member = None
         with suppress(CatalogError, OSError, KeyError, ValueError, TypeError, AttributeError):
-            record = read_json(path)
-            parameters = {str(key): float(value) for key, value in record["parameters"].items()}
-            reported.append(MissingMember(path.stem, parameters, str(record["reason"]), str(record["when"])))
-    return tuple(member for member in reported if not (catalog / "members" / member.name / "member.json").is_file())
+            data = read_bytes(path)
+            record = parsed_json(path, data)
+            if (is_sealed(data) or "digest" not in record) and record.get("name") in (None, path.stem):
+                parameters = {str(key): float(value) for key, value in record["parameters"].items()}
+                member = MissingMember(path.stem, parameters, str(record["reason"]), str(record["when"]))
+        yield path.stem, member

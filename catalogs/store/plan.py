@@ -32,6 +32,8 @@ from catalogs.vocabulary.words import shortened
 NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.+=-]{0,99}")
 PACKED = "packed"  # layout with one file of images per member
 RESERVED_NAMES = ("member.json", "rows.csv", "cameras.json", "field.npz", PACK)  # in a member's folder, beside images
+CHANGED = "it is not as it was written (its digest differs)"
+ACCEPT = "if you changed it on purpose, `catalogs check --accept` takes it as it is"
 VIEW_COLUMNS = ("member", "view", "phi", "theta", "split", "member_split", "view_split")
 
 
@@ -56,6 +58,7 @@ class CatalogPlan:
     variations : the appearances that sample visualization parameters.
     quantities : names and units of the shown fields, by the names in `fields`; for some, all or none of them.
     packed : True where each member's images are in one HDF5 file (`catalogs.files.packed`); such a catalog is read-only.
+    digest : of the contents of the `catalog.json` that this plan was read from, provenance aside; "" for a plan not stored yet.
     """
 
     space: ParameterSpace
@@ -69,6 +72,7 @@ class CatalogPlan:
     variations: tuple[Variation, ...] = ()
     quantities: Mapping[str, Quantity] = field(default_factory=dict)
     packed: bool = False
+    digest: str = field(default="", compare=False, repr=False)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "provenance", json_values(self.provenance, "provenance"))
@@ -190,8 +194,8 @@ class CatalogPlan:
         }
 
     @classmethod
-    def from_json(cls, record: Mapping[str, Any]) -> CatalogPlan:
-        """The plan of a `to_json` record.
+    def from_json(cls, record: Mapping[str, Any], *, digest: str = "") -> CatalogPlan:
+        """The plan of a `to_json` record, which has this digest.
 
         Unknown keys are ignored, since changes of meaning raise the schema; inside appearances and parameters they are errors.
         """
@@ -209,6 +213,7 @@ class CatalogPlan:
             variations=tuple(variation_from_json(v) for v in record.get("variations", ())),
             quantities=record.get("fields", {}),
             packed=record.get("layout") == PACKED,
+            digest=digest,
         )
 
     def check_recordable(self) -> None:
@@ -284,12 +289,23 @@ def json_values(values: Mapping[str, Any], what: str) -> dict[str, Any]:
 
 def read_json(path: Path, kind: type = dict) -> Any:
     """Contents of a JSON file; raises CatalogError naming it where it is absent, damaged, or not of `kind`."""
+    return parsed_json(path, read_bytes(path), kind)
+
+
+def read_bytes(path: Path) -> bytes:
+    """Contents of a file of a catalog; raises CatalogError naming it where it is absent or not a regular file."""
     try:
-        record = json.loads(durable.read(path).decode("utf-8"))
+        return durable.read(path)
     except FileNotFoundError:
         raise CatalogError(f"{path} is missing: is {path.parent} a catalog made by gs-surrogate?") from None
     except durable.SpecialFileError as error:
         raise CatalogError(str(error)) from None
+
+
+def parsed_json(path: Path, data: bytes, kind: type = dict) -> Any:
+    """JSON values from the contents of the file `path`; raises CatalogError naming it where they are damaged or not of `kind`."""
+    try:
+        record = json.loads(data.decode("utf-8"))
     except (ValueError, RecursionError) as error:
         raise CatalogError(f"{path} is damaged: {error}") from error
     if not isinstance(record, kind):

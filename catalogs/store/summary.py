@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catalogs.files import durable
+from catalogs.files.digests import digest_of
 
 FIELDS = "fields"  # names of the fields in an archive of several
 DAMAGED = KeyError, ValueError, TypeError, OSError, EOFError, RuntimeError, MemoryError, zipfile.BadZipFile, zlib.error
@@ -75,14 +76,15 @@ class FieldSummary:
         return cls(**{**values, **scalars})
 
 
-def save_summaries(path: Path, summaries: Mapping[str, FieldSummary]) -> None:
-    """Write the summaries of a member's fields, by name ("" for a single field), as one numpy archive."""
+def save_summaries(path: Path, summaries: Mapping[str, FieldSummary]) -> str:
+    """Write the summaries of a member's fields, by name ("" for a single field), as one numpy archive; returns its digest."""
     arrays: dict[str, Any] = {} if list(summaries) == [""] else {FIELDS: np.array(list(summaries), dtype=np.str_)}
     for number, summary in enumerate(summaries.values()):
         arrays |= {f"{_prefix(number)}{name}": value for name, value in vars(summary).items()}
     stream = io.BytesIO()
     np.savez_compressed(stream, allow_pickle=False, **arrays)
     durable.write(path, stream.getvalue())
+    return digest_of(stream.getvalue())
 
 
 def load_summaries(path: Path) -> dict[str, FieldSummary]:

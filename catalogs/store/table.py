@@ -32,7 +32,7 @@ from pathlib import Path
 from catalogs.files import cinema, durable
 from catalogs.store.journal import Journal, Stamps, key_of
 from catalogs.store.members import RECORD, ROWS, Member, read_record, rows_of
-from catalogs.store.missing import MISSING
+from catalogs.store.missing import MISSING, report_missing
 from catalogs.store.plan import CatalogError, CatalogPlan, read_json
 
 TABLE = "data.csv"
@@ -41,6 +41,7 @@ UNFINISHED = ".unfinished"
 SPARE = ".spare.csv"
 JOURNAL = ".journal"
 HIDDEN = {UNFINISHED, SPARE, JOURNAL, MISSING}
+GONE = f"its folder is gone from {MEMBERS}/; if you took it out on purpose, delete {MISSING}/{{}}.json"
 REPLACED = ".replaced"  # suffix of an old member's folder while a new one takes its place in two renames
 
 
@@ -96,6 +97,7 @@ class CatalogTable:
         if same and self.is_current():
             return
         if not same:
+            self._report_gone()
             durable.replace(self._table, self.pieces())
         self._write_journal(changed)
         durable.remove_abandoned(self._path)
@@ -112,6 +114,7 @@ class CatalogTable:
 
     def set_aside(self, moves: Mapping[str, Path]) -> None:
         """Remove these members from the table, then move their folders elsewhere in the catalog."""
+        self._report_gone()
         durable.replace(self._table, self.pieces(without=moves))
         for name, target in moves.items():
             durable.make_folder(target.parent)
@@ -144,6 +147,19 @@ class CatalogTable:
         with durable.staged(self._table, self.pieces(also=member)):
             self._exchange(member)
         self._write_journal(durable.stamp(self._members).changed)
+
+    def _report_gone(self) -> None:
+        """Report members missing that only the table still knows, unless their parameters are those of another one."""
+        present = {name for name, _ in _entries(self._path)}
+        gone = {n: v for n, v in parameters_in(self._table, self._plan).items() if n not in present}
+        stored = set[str]()
+        for folder in member_paths(self._path) if gone else ():
+            with contextlib.suppress(CatalogError, OSError):
+                stored.add(_key_in(folder, self._plan))
+        for name, parameters in gone.items():
+            if key_of(parameters) not in stored:
+                with contextlib.suppress(OSError):
+                    report_missing(self._path, name, parameters, GONE.format(name))
 
     def _exchange(self, member: Member) -> None:
         """Swap the member's folder with the stored one.
@@ -233,11 +249,31 @@ def _entries(catalog: Path) -> Iterator[tuple[str, bool]]:
 def keys_of(catalog: Path, plan: CatalogPlan) -> Iterator[tuple[str, str]]:
     """Name and parameters' key of every member from its record; raises CatalogError naming a damaged one."""
     for path in member_paths(catalog):
-        stored = read_json(path / RECORD).get("parameters")
-        try:
-            yield path.name, key_of({name: stored[name] for name in plan.space.names})
-        except (KeyError, TypeError, ValueError) as error:
-            raise CatalogError(f"{path / RECORD} is damaged: its parameters are {stored!r}") from error
+        yield path.name, _key_in(path, plan)
+
+
+def _key_in(folder: Path, plan: CatalogPlan) -> str:
+    stored = read_json(folder / RECORD).get("parameters")
+    try:
+        return key_of({name: stored[name] for name in plan.space.names})
+    except (KeyError, TypeError, ValueError) as error:
+        raise CatalogError(f"{folder / RECORD} is damaged: its parameters are {stored!r}") from error
+
+
+def parameters_in(path: Path, plan: CatalogPlan) -> dict[str, dict[str, float]]:
+    """Parameters of the members, by name, in a table or a member's file of rows, as far as it can be read."""
+    found: dict[str, dict[str, float]] = {}
+    member, names = plan.header.index("member"), plan.space.names
+    with contextlib.suppress(OSError, UnicodeDecodeError, cinema.TableError):
+        for row in cinema.rows_of(path):
+            if len(row) != len(plan.header):
+                continue
+            try:
+                found.setdefault(row[member], {n: float(v) for n, v in zip(names, row, strict=False)})
+            except ValueError:
+                if row != plan.header and not found:  # other columns
+                    break
+    return found
 
 
 def rows_in(folder: Path, plan: CatalogPlan) -> bytes:

@@ -13,18 +13,34 @@ from itertools import groupby, islice, zip_longest
 from pathlib import Path
 
 from catalogs.files import cinema, durable
+from catalogs.files.packed import PACK
 from catalogs.store.catalog import Catalog, CatalogError, Member
-from catalogs.store.description import DESCRIPTION
+from catalogs.store.description import DESCRIPTION, RESTORE
+from catalogs.store.digests import Digests
 from catalogs.store.journal import key_of
-from catalogs.store.members import read_record
-from catalogs.store.table import MEMBERS, TABLE, derived_rows, member_names, stray_names
-from catalogs.tools.damage import ExpectedImage, file_problem, images_of, rows_problem, summary_problem
+from catalogs.store.members import RECORD, ROWS, own_name, read_member
+from catalogs.store.missing import MISSING, reports
+from catalogs.store.plan import ACCEPT
+from catalogs.store.table import MEMBERS, TABLE, derived_rows, member_names, parameters_in, stray_names
+from catalogs.tools.damage import (
+    FOREIGN,
+    ExpectedImage,
+    file_problem,
+    images_of,
+    is_foreign,
+    rows_problem,
+    summary_problem,
+)
+from catalogs.vocabulary.words import named_values
 
 Progress = Callable[[int, int], None]
 NumberedRow = tuple[int, list[str]]
 READERS, AT_ONCE, AHEAD = 2, 16, 4  # threads, files per task, and waiting tasks
 MEMBER_IMAGE = "a member's image"
 REPAIR = "`catalogs check --repair` rebuilds the table"
+FORGOTTEN = "`catalogs check --repair` lists it as missing"
+RENAMED = "`catalogs check --repair` renames the folder"
+DAMAGED_REPORT = "is damaged: delete it, or render the member again"
 ROWS_REPAIR = "`catalogs check --repair` rewrites it"
 TAKE_OUT = "take the folder of one of them out of members/, then `catalogs check --repair` rebuilds the table"
 
@@ -51,23 +67,36 @@ class _File:
     image: ExpectedImage | None = None
 
 
-def check(path: Path, *, decode: bool = True, progress: Progress = lambda done, total: None) -> list[Finding]:
+def check(
+    path: Path,
+    *,
+    decode: bool = True,
+    progress: Progress = lambda done, total: None,
+    note: Callable[[str], None] = lambda text: None,
+) -> list[Finding]:
     """All problems of the Cinema database at `path`, whichever program made it.
 
-    The table is validated against specification D (see `catalogs.files.cinema`).  Every image is decoded once; without `decode`
-    it only has to exist.  Where a `catalog.json` is beside the table, members, rows, image sizes and summaries must agree with it.
-    URLs are not fetched, and nothing is written.
+    The table is validated against specification D (see `catalogs.files.cinema`).  Every image is compared with the digest in its
+    member's record, or decoded once where there is none; without `decode` it only has to exist.  Where a `catalog.json` is beside
+    the table, members, rows, image sizes and summaries must agree with it.  URLs are not fetched, and nothing is written.  `note`
+    is called with what is not a problem.
     """
     if not path.is_dir():
         return [Finding(str(path), "is not a folder")]
     findings = [] if path.suffix == ".cdb" else [Finding(str(path), "a Cinema database's folder ends with .cdb")]
     total = _count(path)
+    running = _Check(path, findings)
     with ThreadPoolExecutor(READERS) as pool:
-        examined = _examined(pool, path, decode, _Check(path, findings).files())
+        examined = _examined(pool, path, decode, running.files())
         for done, (file, problem) in enumerate(examined, start=1):
             progress(done, max(done, total))
             if problem:
                 findings.append(Finding(file.place, f"{file.name} {problem}", file.member))
+    if running.without_digests:
+        note(
+            f"{running.without_digests} members are from an earlier version and have no digests: an image in another's place "
+            "would not show; `catalogs check --accept` adds digests"
+        )
     return findings
 
 
@@ -110,6 +139,10 @@ class _Check:
                 self._catalog = Catalog.open(path)
             except CatalogError as error:
                 self._add(DESCRIPTION, str(error))
+        elif count := len(member_names(path)):
+            self._add(DESCRIPTION, f"is missing, but there are {count} members: {RESTORE}")
+        self.without_digests = 0  # members
+        self._native, self._foreign = 0, list[str]()  # members of this plan, and of another
         self._examined = dict.fromkeys(member_names(path) if self._catalog else (), False)  # by name, sorted
         self._names: dict[str, str] = {}  # members by the keys of their parameters
         self._table_is_readable = True
@@ -124,6 +157,9 @@ class _Check:
             return
         for name in stray_names(self._path):
             self._add(f"{MEMBERS}/{name}", "is not a member: it lacks member.json", name)
+        for name, report in reports(self._path):
+            if report is None:
+                self._add(f"{MISSING}/{name}.json", DAMAGED_REPORT)
         labels = self._catalog.plan.header
         listed = header == labels
         if listed:
@@ -137,7 +173,8 @@ class _Check:
                 self._add(f"member {name}", f"is stored but not in the table: {REPAIR}")
             member = self._member(self._catalog, name)
             if member is not None:
-                yield from (_File(file, MEMBER_IMAGE, name, image) for file, image in images_of(self._catalog, member))
+                yield from (_File(file, MEMBER_IMAGE, name, image) for file, image in images_of(self._catalog, *member))
+        self._judge_foreign()
 
     def _add(self, place: str, problem: str, member: str = "") -> None:
         self._findings.append(Finding(place, problem, member))
@@ -197,17 +234,17 @@ class _Check:
             if member is None:
                 yield from self._other_files(header, lines)
             else:
-                yield from self._member_files(catalog, member, header, lines)
+                yield from self._member_files(catalog, *member, header, lines)
         for name in unknown:
-            self._add(f"member {name}", f"is in the table but not stored: {REPAIR}")
+            self._add(f"member {name}", f"is in the table but not stored: {FORGOTTEN}")
         if self._difference and not unknown and all(self._examined.values()):
             self._add(TABLE, f"differs from what the members make ({self._difference}): {REPAIR}")
 
     def _member_files(
-        self, catalog: Catalog, member: Member, header: list[str], lines: Iterable[NumberedRow]
+        self, catalog: Catalog, member: Member, digests: Digests, header: list[str], lines: Iterable[NumberedRow]
     ) -> Iterator[_File]:
         """A listed member's images, and other files that its rows name."""
-        images = dict(images_of(catalog, member))
+        images = dict(images_of(catalog, member, digests))
         expected_rows = cinema.read_rows([derived_rows(member, catalog.plan).decode()])
         for line, expected in zip_longest(lines, expected_rows):
             if line is None:
@@ -216,7 +253,7 @@ class _Check:
             number, row = line
             if expected is None:
                 self._differs(f"it has more rows of member {member.name}")
-            elif row != expected:
+            elif row != expected and not is_foreign(digests, catalog.plan):
                 self._differs(f"row {number} and maybe others")
             if row[-1] in images:
                 place = f"{TABLE} row {number}, column {header[-1]}"
@@ -228,20 +265,39 @@ class _Check:
     def _differs(self, difference: str) -> None:
         self._difference = self._difference or difference
 
-    def _member(self, catalog: Catalog, name: str) -> Member | None:
+    def _judge_foreign(self) -> None:
+        """Findings on members that were written for another plan: they are wrong, or, unless most agree with it, the plan is."""
+        if len(self._foreign) >= max(1, self._native):
+            members = f"{len(self._foreign)} of {len(self._foreign) + self._native} members"
+            self._add(DESCRIPTION, f"is another than {members} were written for: {RESTORE}; {ACCEPT}")
+        else:
+            for name in self._foreign:
+                self._add(f"member {name}", f"{RECORD} {FOREIGN}", name)
+
+    def _member(self, catalog: Catalog, name: str) -> tuple[Member, Digests] | None:
         """A stored member, after its record, rows and summary were checked; None where it can't be read."""
         self._examined[name] = True
-        place = f"member {name}"
+        place, folder = f"member {name}", catalog.path / MEMBERS / name
         try:
-            member = read_record(catalog.path / MEMBERS / name, catalog.plan)
+            member, digests = read_member(folder, catalog.plan)
         except (CatalogError, OSError) as error:
-            self._add(place, str(error), name)
+            home = own_name(folder)
+            if home not in ("", name):
+                self._add(place, f"its record describes {home}: {RENAMED}", name)
+            else:
+                values = parameters_in(folder / ROWS, catalog.plan).get(name)
+                self._add(place, f"{error}; {ROWS} has {named_values(values)}" if values else str(error), name)
             return None
-        if problem := summary_problem(member, catalog.plan):
+        if problem := summary_problem(member, catalog.plan, digests):
             self._add(place, problem, name)
-        if problem := rows_problem(member, catalog.plan):
+        self.without_digests += not (PACK in digests.files if catalog.plan.packed else digests.images)
+        foreign = is_foreign(digests, catalog.plan)
+        self._native += bool(digests.plan) and not foreign
+        if foreign:
+            self._foreign.append(name)
+        elif problem := rows_problem(member, catalog.plan):
             self._add(place, f"{problem}: {ROWS_REPAIR}")
         other = self._names.setdefault(key_of(member.parameters), name)
         if other != name:
             self._add(place, f"has the parameters of member {other}: {TAKE_OUT}")
-        return member
+        return member, digests

@@ -7,32 +7,41 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from catalogs.files import durable
+from catalogs.files.digests import digest_of_file
 from catalogs.files.images import ImageError, read_stored
 from catalogs.files.packed import PACK, PackError, open_pack, pack_problem
 from catalogs.files.png import PngError, check_png
 from catalogs.store.catalog import Catalog, CatalogError, Member
-from catalogs.store.members import ROWS, SUMMARY, read_record
+from catalogs.store.digests import Digests
+from catalogs.store.members import RECORD, ROWS, SUMMARY, read_member
 from catalogs.store.plan import CatalogPlan
 from catalogs.store.table import MEMBERS, derived_rows
 from catalogs.vocabulary.appearance import shown_fields
 
+OTHER = "is not the file that was written with its member (its digest differs)"
+FOREIGN = "was written for another catalog.json"
 IMAGES = {".jpg", ".jpeg", ".exr", ".tif", ".tiff", ".webp"}
 
 
 @dataclass(frozen=True)
 class ExpectedImage:
-    """Expected contents of an image file: RGBA of this size; in a pack, this number of views of each of these appearances."""
+    """Expected contents of an image file: RGBA of this size; in a pack, this number of views of each of these appearances.
+
+    `digest` is the file's, "" where its member's record has none.
+    """
 
     height: int
     width: int
     views: int = 1
     packed: tuple[str, ...] = ()
+    digest: str = ""
 
 
 def file_problem(root: Path, name: str, expected: ExpectedImage | None = None, *, decode: bool = True) -> str | None:
     """The problem of the file `name` of the database `root`, or None.
 
-    Images are decoded whole and compared with `expected`, where given; without `decode` they only have to exist.
+    Images are compared with `expected`, where given: by their digest, since they were valid when it was recorded, else decoded
+    whole.  Without `decode` they only have to exist.
     """
     path = root / name
     if not path.is_file():
@@ -42,10 +51,13 @@ def file_problem(root: Path, name: str, expected: ExpectedImage | None = None, *
         return "is a link that leaves the database"
     if not decode:
         return None
+    digest = expected.digest if expected is not None else ""
     try:
+        if digest and digest_of_file(path) == digest:
+            return None
         if expected is not None and expected.packed:
             pack = open_pack(path, expected.views * len(expected.packed), expected.height, expected.width)
-            return pack_problem(pack, expected.packed)
+            return pack_problem(pack, expected.packed) or (OTHER if digest else None)
         shape = _read_shape(path)
     except (PngError, PackError, ImageError, OSError) as error:
         return f"is damaged: {error}"
@@ -53,19 +65,34 @@ def file_problem(root: Path, name: str, expected: ExpectedImage | None = None, *
         return None if path.stat().st_size else "is empty"
     if expected is not None and shape != (expected.height, expected.width, 4):
         return f"is {_size(*shape)}; its camera makes {_size(expected.height, expected.width, 4)}"
-    return None
+    return OTHER if digest else None
 
 
-def summary_problem(member: Member, plan: CatalogPlan) -> str | None:
-    """The problem of a member's summary file, or None: it is damaged, or has other fields than the member's appearances."""
+def is_foreign(digests: Digests, plan: CatalogPlan) -> bool:
+    """True for a member that was written into a catalog of another plan."""
+    return bool(digests.plan) and digests.plan != plan.digest
+
+
+def summary_problem(member: Member, plan: CatalogPlan, digests: Digests) -> str | None:
+    """The problem of a member's summary file, or None.
+
+    It is missing, damaged, another than was written, or has other fields than the member's appearances.
+    """
+    path, digest = member.path / SUMMARY, digests.files.get(SUMMARY, "")
+    if digest and not path.exists():
+        return f"{SUMMARY} is missing"
+    if digest and len(plan.fields) < 2 and not durable.special(path) and digest_of_file(path) == digest:
+        return None
     try:
         summaries = member.summaries()
     except ValueError as error:
         return str(error)
     shown = shown_fields(a for a in plan.appearances if a.name in set(member.appearances))
-    if not summaries or len(plan.fields) < 2 or set(summaries) == set(shown):
-        return None
-    return f"{SUMMARY} is of the fields {list(summaries)}, the images of {list(shown)}"
+    if summaries and len(plan.fields) > 1 and set(summaries) != set(shown):
+        return f"{SUMMARY} is of the fields {list(summaries)}, the images of {list(shown)}"
+    if (digest and digest_of_file(path) != digest) or (not digest and digests.images and summaries):
+        return f"{SUMMARY} {OTHER}"
+    return None
 
 
 def rows_problem(member: Member, plan: CatalogPlan) -> str | None:
@@ -79,29 +106,32 @@ def rows_problem(member: Member, plan: CatalogPlan) -> str | None:
     return None if rows == derived_rows(member, plan) else f"{ROWS} differs from what member.json and the plan make"
 
 
-def images_of(catalog: Catalog, member: Member) -> Iterator[tuple[str, ExpectedImage]]:
+def images_of(catalog: Catalog, member: Member, digests: Digests) -> Iterator[tuple[str, ExpectedImage]]:
     """A member's image files in the order of its rows: names relative to the catalog, and their expected contents."""
     if catalog.plan.packed:
         camera = member.cameras[0]
-        image = ExpectedImage(camera.height, camera.width, len(member.cameras), member.appearances)
+        views, digest = len(member.cameras), digests.files.get(PACK, "")
+        image = ExpectedImage(camera.height, camera.width, views, member.appearances, digest)
         yield f"{MEMBERS}/{member.name}/{PACK}", image
         return
     for appearance in member.appearances:
         for view, camera in enumerate(member.cameras):
             name = f"{MEMBERS}/{member.name}/{catalog.plan.image_name(appearance, view)}"
-            yield name, ExpectedImage(camera.height, camera.width)
+            yield name, ExpectedImage(camera.height, camera.width, digest=digests.image(appearance, view))
 
 
 def lasting_problems(catalog: Catalog, folder: Path) -> Iterator[str]:
     """Problems of the member in `folder` that only rendering it again can solve."""
     try:
-        member = read_record(folder, catalog.plan)
+        member, digests = read_member(folder, catalog.plan)
     except (CatalogError, OSError) as error:
         yield str(error)
         return
-    if problem := summary_problem(member, catalog.plan):
+    if is_foreign(digests, catalog.plan):
+        yield f"{RECORD} {FOREIGN}"
+    if problem := summary_problem(member, catalog.plan, digests):
         yield problem
-    for name, image in images_of(catalog, member):
+    for name, image in images_of(catalog, member, digests):
         if problem := file_problem(catalog.path, name, image):
             yield f"{name} {problem}"
 

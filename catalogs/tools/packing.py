@@ -8,9 +8,11 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from catalogs.files import durable
+from catalogs.files.digests import digest_of, digest_of_file
 from catalogs.files.images import ImageError
 from catalogs.files.packed import PACK, PackError, write_pack
 from catalogs.store.catalog import Catalog, CatalogError, Member
+from catalogs.store.digests import Digests
 from catalogs.store.pictures import number_of, pack_of
 from catalogs.tools.damage import file_problem, images_of
 from catalogs.tools.transfer import Fill, Progress, add_members
@@ -79,33 +81,37 @@ def _transfer(source: Catalog, destination: Path, packed: bool, fill: Fill, prog
     return Transferred(len(new), len(present), other_bytes)
 
 
-def _pack_member(source: Catalog, member: Member, folder: Path) -> int:
-    """Write a member's pack; returns 0."""
+def _pack_member(source: Catalog, member: Member, folder: Path, digests: Digests) -> tuple[int, Digests]:
+    """Write a member's pack; returns 0, and the digests with the pack's."""
     sizes = sorted({(camera.width, camera.height) for camera in member.cameras})
     if len(sizes) > 1:
         raise CatalogError(f"member {member.name} of {source.path} can't be packed: its views differ in size, {sizes}")
-    for name, image in images_of(source, member):
+    for name, image in images_of(source, member, digests):
         if problem := file_problem(source.path, name, image):
             raise ImageError(f"{source.path / name} {problem}: `catalogs check --repair` sets its member aside")
     files = [source.image_path(member, a, view) for a in member.appearances for view in range(len(member.cameras))]
     write_pack(folder / PACK, member.appearances, files)
-    return 0
+    return 0, replace(digests, files={**digests.files, PACK: digest_of_file(folder / PACK)})
 
 
-def _unpack_member(source: Catalog, member: Member, folder: Path) -> int:
-    """Write a member's image files; returns how many have other bytes than the packed ones."""
+def _unpack_member(source: Catalog, member: Member, folder: Path, digests: Digests) -> tuple[int, Digests]:
+    """Write a member's image files; returns how many have other bytes than the packed ones, and the digests."""
     pack = pack_of(member)
 
-    def write(image: tuple[str, int]) -> bool:
+    def write(image: tuple[str, int]) -> tuple[bool, str]:
         appearance, view = image
         data, same = pack.file(number_of(member, appearance, view))
         durable.write(folder / source.plan.image_name(appearance, view), data)
-        return not same
+        return not same, digests.image(appearance, view) if same else digest_of(data)
 
     for appearance in member.appearances:
         (folder / appearance).mkdir()
     with ThreadPoolExecutor(WRITERS) as pool:
-        return sum(pool.map(write, [(a, view) for a in member.appearances for view in range(len(member.cameras))]))
+        views = range(len(member.cameras))
+        written = {a: list(pool.map(write, [(a, view) for view in views])) for a in member.appearances}
+    images = {a: "".join(digest for _, digest in written[a]) for a in digests.images}
+    others = sum(is_other for each in written.values() for is_other, _ in each)
+    return others, Digests(images, {name: digest for name, digest in digests.files.items() if name != PACK})
 
 
 __all__ = ["PackError", "Transferred", "pack", "unpack"]

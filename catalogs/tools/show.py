@@ -14,6 +14,7 @@ from catalogs.store.notebook.facts import Tally, megabytes
 from catalogs.store.summary import FieldSummary
 from catalogs.store.table import MEMBERS, TABLE, member_names
 from catalogs.vocabulary.numbers import texts
+from catalogs.vocabulary.words import named_values
 
 UNKNOWN = "-"
 LONGEST = 40  # characters of a range's end
@@ -47,7 +48,7 @@ def _catalog_lines(catalog: Catalog) -> Iterator[str]:
         facts.append(
             ("unfinished", f"{unfinished}: being written now, or left by a killed run (the next one cleans up)")
         )
-    facts += [("missing", str(member)) for member in catalog.missing]
+    facts += [("missing", " at ".join(filter(None, (str(m), named_values(m.parameters))))) for m in catalog.missing]
     yield f"Catalog {catalog.path}"
     yield from (f"  {name:<11} {fact}" for name, fact in facts)
     if len(table) > 1:

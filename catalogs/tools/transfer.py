@@ -9,11 +9,13 @@ from pathlib import Path
 
 from catalogs.files import durable
 from catalogs.store.catalog import Catalog, Member
-from catalogs.store.members import SUMMARY, write_record
+from catalogs.store.digests import Digests
+from catalogs.store.members import SUMMARY, read_member, write_record
+from catalogs.store.table import MEMBERS
 
 AT_ONCE = 256  # members per commit
 
-Fill = Callable[[Catalog, Member, Path], int]
+Fill = Callable[[Catalog, Member, Path, Digests], tuple[int, Digests]]
 Progress = Callable[[int, int], None]
 
 
@@ -22,21 +24,22 @@ def add_members(
 ) -> int:
     """Add members, given by their catalogs and names, to a catalog of the same views and appearances.
 
-    `fill` writes a member's images into its hidden folder and counts some of them; the sum is returned.  Summary and record are
-    copied here, and the table is sorted at the end.
+    `fill` writes a member's images into its hidden folder, counts some of them, and makes the new digests of the stored ones; the
+    sum of counts is returned.  Summary and record are copied here, and the table is sorted at the end.
     """
     counted = 0
     for first in range(0, len(members), AT_ONCE):
         written: list[Member] = []
         try:
             for done, (source, name) in enumerate(members[first : first + AT_ONCE], start=first + 1):
-                member = source.member(name)
+                member, digests = read_member(source.path / MEMBERS / name, source.plan)
                 new = replace(member, path=target.unfinished_folder(name))
                 written.append(new)
-                counted += fill(source, member, new.path)
+                count, digests = fill(source, member, new.path, digests)
+                counted += count
                 for path in summary_files(member):
                     _place(path, new.path / path.name)
-                write_record(new, target.plan)
+                write_record(new, target.plan, digests)
                 durable.sync_tree(new.path)
                 progress(done, len(members))
             target.adopt(written)
@@ -59,9 +62,10 @@ def image_files(catalog: Catalog, member: Member) -> list[Path]:
     return list(dict.fromkeys(paths))
 
 
-def link_images(catalog: Catalog, member: Member, folder: Path) -> int:
+def link_images(catalog: Catalog, member: Member, folder: Path, digests: Digests) -> tuple[int, Digests]:
     """Link a member's image files into `folder`, or copy those that can't be linked; returns how many were copied."""
-    return sum(_place(path, folder / path.relative_to(member.path)) for path in image_files(catalog, member))
+    copied = sum(_place(path, folder / path.relative_to(member.path)) for path in image_files(catalog, member))
+    return copied, digests
 
 
 def _place(source: Path, target: Path) -> bool:

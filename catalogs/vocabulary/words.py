@@ -24,10 +24,14 @@ def counted(splits: Iterable[str]) -> str:
     return ", ".join(f"{counts[split]} {split}" for split in SPLITS)
 
 
+def named_values(values: Mapping[str, float]) -> str:
+    """Numbers by name, such as "Re=120 Pr=1"."""
+    return " ".join(f"{name}={text(value)}" for name, value in values.items())
+
+
 def member_line(member: Any, shown: str) -> str:
     """One-line `__repr__` of a member: name, split, parameters, and the text `shown`."""
-    values = "".join(f" {name}={text(value)}" for name, value in member.parameters.items())
-    return f"<{type(member).__name__} {member.name} ({member.split}):{values}; {shown}>"
+    return f"<{type(member).__name__} {member.name} ({member.split}): {named_values(member.parameters)}; {shown}>"
 
 
 def one_line(record: Any) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import shutil
 import tempfile
@@ -12,6 +13,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from catalogs.files.digests import sealed
 from catalogs.store.catalog import Catalog, CatalogPlan
 from catalogs.store.summary import FieldSummary
 from catalogs.vocabulary.appearance import Isosurface, TransferFunction, VolumeRendering
@@ -64,6 +66,13 @@ def add_member(catalog: Catalog, name: str, reynolds: float, *, split: str = "tr
             for view in range(len(catalog.plan.cameras)):
                 writer.write_image(appearance, view, picture(1000 * seed + 100 * a + view))
         writer.write_summaries({"": summary(seed)})
+
+
+def rewrite_record(member: Path, **changes: object) -> None:
+    """Change values in a member's record as a program would: with a right digest."""
+    record = json.loads((member / "member.json").read_text())
+    record.pop("digest")
+    (member / "member.json").write_bytes(sealed({**record, **changes}))
 
 
 @pytest.fixture

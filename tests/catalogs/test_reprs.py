@@ -20,6 +20,7 @@ from catalogs.files.packed import ENTRY, Pack
 from catalogs.files.png import PngHeader
 from catalogs.progress import Count
 from catalogs.store.catalog import Catalog
+from catalogs.store.digests import Digests
 from catalogs.store.journal import Stamps
 from catalogs.store.members import Member
 from catalogs.store.missing import MissingMember
@@ -74,6 +75,7 @@ SHOWN: list[tuple[Any, str]] = [
     (Splits({"a": "train"}, 9), "9"),
     (MissingMember("a", PARAMETERS, "ValueError: bad"), "ValueError: bad"),
     (Quantity("Q", "1/s²"), "1/s²"),
+    (Digests({"dvr": 16 * 252 * "0"}, {"field.npz": 16 * "0"}), "<Digests of 252 images, field.npz>"),
     (SPACE, "<ParameterSpace of Re in [1500, 2500], time in [0, 2] s>"),
     (CAMERAS[0], "256x256 pixels"),
     (FUNCTION, "<TransferFunction over [-1, 3]: 2 colour and 4 opacity points>"),

@@ -19,7 +19,7 @@ from catalogs.tools.check import check
 from catalogs.tools.show import describe
 from catalogs.vocabulary.appearance import Isosurface
 from catalogs.vocabulary.variations import POINT_PARAMETERS, isovalue_family
-from tests.catalogs.conftest import make_plan, picture, summary
+from tests.catalogs.conftest import make_plan, picture, rewrite_record, summary
 from tests.support.transfer_functions import BASE, FUNCTIONS, OLD_CATALOG
 
 ISOVALUES = isovalue_family("dvr", train=(0.2, 0.4, 0.8), validation=(0.3,), test=(0.5,))
@@ -125,8 +125,8 @@ def test_nothing_is_wrong_with_it_until_a_file_is_gone(varied: Catalog) -> None:
 
 
 def test_a_member_that_claims_more_than_it_has_is_found(varied: Catalog) -> None:
-    record = varied.path / "members/base/member.json"
-    record.write_text(record.read_text().replace('"dvr"', '"dvr", "plain"'))
+    shown = json.loads((varied.path / "members/base/member.json").read_text())["appearances"]
+    rewrite_record(varied.path / "members/base", appearances=[*shown, "plain"])
     problems = [str(finding) for finding in check(varied.path)]
     assert any("rows.csv differs from what member.json" in problem for problem in problems)
     assert sum("members/base/plain/" in problem and "missing" in problem for problem in problems) == 12

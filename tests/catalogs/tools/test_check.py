@@ -18,7 +18,7 @@ from catalogs.files import cinema
 from catalogs.files.images import write_image
 from catalogs.store.catalog import Catalog
 from catalogs.tools.check import check
-from tests.catalogs.conftest import add_member
+from tests.catalogs.conftest import add_member, rewrite_record
 
 
 def rewrite(path: Path, old: str, new: str) -> None:
@@ -72,7 +72,7 @@ DAMAGE: dict[str, tuple[Callable[[Path], object], str, str]] = {
     "renamed member": (lambda c: (c / "members/first").rename(c / "members/other"), "member other", "describes first"),
     "other parameters": (lambda c: rewrite(c / "members/first/member.json", "120.0", "121.0"), "first", "rows.csv"),
     "same parameters": (
-        lambda c: rewrite(c / "members/first/member.json", "120.0", "180.0"),
+        lambda c: rewrite_record(c / "members/first", parameters={"Re": 180.0, "Pr": 1.0}),
         "second",
         "of member first",
     ),
