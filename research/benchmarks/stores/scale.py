@@ -28,6 +28,7 @@ import click
 from catalogs.browse import page_of
 from catalogs.files.images import write_image
 from catalogs.store.catalog import Catalog, Member
+from catalogs.store.digests import Digests
 from catalogs.store.members import write_record
 from catalogs.tools.check import check
 from catalogs.tools.show import described
@@ -44,10 +45,10 @@ def build(path: Path, count: int) -> None:
         folder = path / "members" / name
         image = folder / plan.image_name("surface", 0)
         image.parent.mkdir(parents=True)
-        write_image(image, PICTURE)
+        digest = write_image(image, PICTURE)
         parameters, appearances = {"number": float(number)}, ("surface",)
         member = Member(name, parameters, "train", plan.cameras, plan.view_splits, folder, appearances=appearances)
-        write_record(member, plan)
+        write_record(member, plan, Digests({"surface": digest}))
     catalog.rebuild_table()
 
 

@@ -20,7 +20,7 @@ from pathlib import Path
 import numpy as np
 
 from catalogs.store.catalog import MEMBERS, Catalog
-from catalogs.store.members import RECORD, ROWS, write_record
+from catalogs.store.members import RECORD, ROWS, read_member, write_record
 from catalogs.vocabulary.cameras import Camera
 from catalogs.vocabulary.farthest import farthest_points
 from catalogs.vocabulary.scene import Scene
@@ -57,7 +57,8 @@ def thinned(catalog: Catalog, path: Path, count: int) -> Catalog:
     for member in catalog.members:
         folder = path / MEMBERS / member.name
         shutil.copytree(member.path, folder, copy_function=os.link, ignore=lambda *_: [RECORD, ROWS])
-        write_record(replace(member, path=folder, view_splits=_without(member.view_splits, left)), made.plan)
+        thin = replace(member, path=folder, view_splits=_without(member.view_splits, left))
+        write_record(thin, made.plan, read_member(member.path, plan)[1])
     made.rebuild_table()
     return made
 

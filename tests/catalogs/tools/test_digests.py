@@ -78,7 +78,11 @@ VALID: dict[str, tuple[Callable[[Path], object], str, str]] = {
     ),
     "no sidecar": (lambda c: (c / FIRST / "field.npz").unlink(), "member first", "field.npz is missing"),
     "no description": (lambda c: (c / "catalog.json").unlink(), "catalog.json", "is missing, but there are 2 members"),
-    "a bound": (lambda c: edit(c / "catalog.json", '"bounds": [\n  [\n   -1.0', '"bounds": [\n  [\n   -1.5'), "catalog.json", "digest differs"),
+    "a bound": (
+        lambda c: edit(c / "catalog.json", '"bounds": [\n  [\n   -1.0', '"bounds": [\n  [\n   -1.5'),
+        "catalog.json",
+        "digest differs",
+    ),
     "a camera": (lambda c: edit(c / "catalog.json", '"fx": 2', '"fx": 3'), "catalog.json", "digest differs"),
     "an isovalue": (lambda c: edit(c / "catalog.json", "0.25", "0.35"), "catalog.json", "digest differs"),
     "a parameter's range": (lambda c: edit(c / "catalog.json", "200.0", "300.0"), "catalog.json", "digest differs"),
