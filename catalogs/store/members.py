@@ -6,7 +6,7 @@ import json
 import math
 import sys
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -161,7 +161,7 @@ def record_of(member: Member, plan: CatalogPlan, digests: Digests) -> bytes:
 
 def read_record(path: Path, plan: CatalogPlan) -> Member:
     """The member in the folder `path`; raises CatalogError naming the file that is absent or damaged."""
-    return read_member(path, plan, verify=False)[0]
+    return _member(path, read_json(path / RECORD), plan)
 
 
 def read_member(path: Path, plan: CatalogPlan, *, verify: bool = True) -> tuple[Member, Digests]:
@@ -169,21 +169,23 @@ def read_member(path: Path, plan: CatalogPlan, *, verify: bool = True) -> tuple[
 
     Raises CatalogError naming the file that is absent or damaged or, with `verify`, contradicts its digest.
     """
-    data = read_bytes(path / RECORD)
+    data, digests = read_bytes(path / RECORD), NO_DIGESTS
     record = parsed_json(path / RECORD, data)
     if verify and not is_sealed(data) and not record.keys().isdisjoint(("digest", "digests")):
         raise CatalogError(f"{path / RECORD} is damaged: {CHANGED}; {ACCEPT}")
-    with _damage_named(path / RECORD):
-        digests = Digests.from_json(record["digests"]) if "digests" in record else NO_DIGESTS
-        has_own = record["own_cameras"]
-    cameras = (
-        _own_cameras(path / CAMERAS, digests.files.get(CAMERAS, "") if verify else "") if has_own else plan.cameras
-    )
-    with _damage_named(path / RECORD):
+    with suppress(KeyError, TypeError, ValueError):  # none, or malformed by an edit
+        digests = Digests.from_json(record["digests"])
+    return _member(path, record, plan, digests.files.get(CAMERAS, "") if verify else ""), digests
+
+
+def _member(path: Path, record: Mapping[str, Any], plan: CatalogPlan, cameras_digest: str = "") -> Member:
+    """The member of a record; its own cameras are compared with a digest, where given."""
+    cameras = _own_cameras(path / CAMERAS, cameras_digest) if record.get("own_cameras") else plan.cameras
+    try:
         parameters = {name: float(record["parameters"][name]) for name in plan.space.names}
         if not all(map(math.isfinite, parameters.values())) or record["name"] != path.name:
             raise ValueError(f"it describes {record['name']} with {parameters}")
-        member = Member(
+        return Member(
             name=record["name"],
             parameters=parameters,
             split=sys.intern(record["split"]),
@@ -193,7 +195,8 @@ def read_member(path: Path, plan: CatalogPlan, *, verify: bool = True) -> tuple[
             provenance=record["provenance"],
             appearances=known_appearances(record.get("appearances"), plan.appearance_names),
         )
-    return member, digests
+    except (KeyError, TypeError, ValueError) as error:
+        raise CatalogError(f"{path / RECORD} is damaged: {error!r}") from error
 
 
 def own_name(folder: Path) -> str:
@@ -217,23 +220,16 @@ def restored_record(folder: Path, parameters: Mapping[str, float]) -> bytes | No
     return data if parsed_json(folder / RECORD, data)["digest"] == digest else None
 
 
-@contextmanager
-def _damage_named(path: Path) -> Iterator[None]:
-    """Raise CatalogError naming the file `path`, whose contents the block takes up, where they are malformed."""
-    try:
-        yield
-    except (KeyError, TypeError, ValueError) as error:
-        raise CatalogError(f"{path} is damaged: {error!r}") from error
-
-
 def _own_cameras(path: Path, digest: str) -> tuple[Camera, ...]:
     """The cameras in a member's file, which must have this digest unless that is ""."""
     data = read_bytes(path)
     records = parsed_json(path, data, list)
     if digest and digest_of(data) != digest:
         raise CatalogError(f"{path} is damaged: {CHANGED}; {ACCEPT}")
-    with _damage_named(path):
+    try:
         return tuple(Camera.from_json(camera) for camera in records)
+    except (KeyError, TypeError, ValueError) as error:
+        raise CatalogError(f"{path} is damaged: {error!r}") from error
 
 
 def _shared(splits: Sequence[str], known: tuple[str, ...]) -> tuple[str, ...]:
