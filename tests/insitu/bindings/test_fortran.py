@@ -194,7 +194,7 @@ def expected(tmp_path_factory: pytest.TempPathFactory) -> Catalog:
 
 
 @pytest.mark.slow
-@pytest.mark.filterwarnings("ignore:the member's box")
+@pytest.mark.filterwarnings("ignore:.*the member's box")
 @pytest.mark.parametrize("options", [["-O0", "-fcheck=bounds,mem"], ["-O3", "-ffpe-trap=invalid,zero,overflow"]])
 def test_any_array_is_rendered_as_it_was_when_it_was_set(library, expected, options, tmp_path: Path) -> None:
     program = library.program(PROGRAM, *options, compiler="gfortran", suffix=".f90")
