@@ -19,11 +19,30 @@ def plain_array(data: Any) -> NDArray[Any]:
     """
     if not isinstance(data, np.ma.MaskedArray):
         exported = hasattr(data, "__dlpack__") and not isinstance(data, np.ndarray)
-        return _exported(data) if exported else np.asarray(data)
+        return _exported(data) if exported else _converted(data)
     masked: Any = data
     if masked.dtype.kind not in "fiub" or not np.ma.is_masked(masked):
         return np.asarray(masked.data)
     return np.asarray(masked.astype(masked.dtype if masked.dtype.kind == "f" else np.float64).filled(np.nan))
+
+
+def _converted(data: Any) -> NDArray[Any]:
+    """An array as numpy makes it; raises TypeError naming the type of what is none."""
+    reason = ""
+    try:
+        values = np.asarray(data)
+        if isinstance(data, np.ndarray | np.generic | list | tuple) or values.dtype.kind not in "OUSV":
+            return values
+    except UNREADABLE as error:
+        reason = f" ({' '.join(str(error).split())})"
+    kind = type(data)
+    name = kind.__qualname__ if kind.__module__ == "builtins" else f"{kind.__module__}.{kind.__qualname__}"
+    cure = "pass numpy.asarray of its values" if data is not None else "was it computed?"
+    ways = [f".{word}" for word in ("to_numpy()", "values", "data", "get()") if hasattr(data, word.removesuffix("()"))]
+    raise TypeError(
+        "a field must be an array of numbers (z, y, x), a VTK or pyvista data set or an xarray.DataArray, got "
+        f"{name}{reason}: {f'pass its {ways[0]}' if ways else cure}; dims= says what its axes are where they are others"
+    )
 
 
 def _exported(data: Any) -> NDArray[Any]:

@@ -187,8 +187,11 @@ def continued(values: NDArray[Any], holes: NDArray[np.bool_]) -> NDArray[Any]:
 
 def triple(name: str, value: ArrayLike) -> Triple:
     """`value`, or one number for all, as (x, y, z); raises ValueError naming it `name` for anything else."""
-    numbers = np.broadcast_to(np.asarray(value, dtype=np.float64), (3,)) if np.ndim(value) == 0 else np.asarray(value)
-    if numbers.shape != (3,) or not np.isfinite(numbers.astype(np.float64)).all():
+    try:
+        numbers = np.broadcast_to(np.asarray(value, dtype=np.float64), (3,) if np.ndim(value) == 0 else np.shape(value))
+    except (TypeError, ValueError):
+        numbers = np.empty(0)
+    if numbers.shape != (3,) or not np.isfinite(numbers).all():
         raise ValueError(f"{name} must be three finite numbers (x, y, z), got {value!r}")
     x, y, z = map(float, numbers)
     return x, y, z

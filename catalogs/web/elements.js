@@ -54,6 +54,6 @@ export function markTab(list, id) {
 
 export const field = (label, control) => element("label", { class: "field" }, element("span", {}, label), control);
 
-/** A number for people: six digits at most. */
+/** A number for people: six digits, or as many as tell a hundred-thousandth of the width that it lies in. */
 export const digits = (value, width = Infinity, least = 6) => String(+(+value).toPrecision(precision(value, width, least))).replace("-", "−");
-const precision = (value, width, least) => Math.max(least, Math.min(15, least - 1 + Math.ceil(Math.log10(Math.abs(value) / width)) || 0)); // a hundred-thousandth of the width
+const precision = (value, width, least) => Math.max(least, Math.min(15, least - 1 + Math.ceil(Math.log10(Math.abs(value) / width)) || 0));

@@ -42,9 +42,16 @@ def check_inside(own: Box, bounds: Box) -> None:
     if (own_low < low - slack).any() or (own_high > high + slack).any():
         raise ValueError(
             f"the member reaches from {_place(own_low)} to {_place(own_high)}, out of the ensemble's box from "
-            f"{_place(low)} to {_place(high)}, which its cameras are set around. Check spacing and origin, or make a "
-            "new catalog with bounds= that hold every member"
+            f"{_place(low)} to {_place(high)}, which its cameras are set around. {_remedy(own, bounds)}"
         )
+
+
+def _remedy(own: Box, bounds: Box) -> str:
+    """The likely reason why a box reaches out of the ensemble's."""
+    sides, others = (np.subtract(box[1], box[0]) for box in (own, bounds))
+    if np.allclose(np.sort(sides), np.sort(others), rtol=1e-3) and not np.allclose(sides, others, rtol=1e-3):
+        return "Its sides are those of the box in another order: say what the array's axes are, such as dims=('x', 'y', 'z')"
+    return "Check spacing and origin, or make a new catalog with bounds= that hold every member"
 
 
 def is_smaller(own: Box, bounds: Box) -> bool:

@@ -113,6 +113,12 @@ class LocalField:
         return as_fields(self.loaded, appearances, self.location, known=known)
 
     @property
+    def lacks_spacing(self) -> bool:
+        """True if the values are in arrays, and nobody says how far apart."""
+        first = next(iter(self.data.values()), None) if type(self.data) is dict else self.data
+        return self.location.spacing is None and isinstance(first, np.ndarray)
+
+    @property
     def loaded(self) -> Any:
         """The data, from the function where there is one."""
         return self.data() if callable(self.data) else self.data

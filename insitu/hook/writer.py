@@ -11,7 +11,7 @@ from catalogs.store.catalog import Catalog, CatalogPlan, MemberWriter
 from catalogs.vocabulary.appearance import Appearance, VolumeRendering, field_of, shown_fields
 from catalogs.vocabulary.parameters import ParameterSpace
 from insitu.fields.distances import member_distances
-from insitu.fields.member_fields import MemberFields, MemberInput
+from insitu.fields.member_fields import LocalField, MemberFields, MemberInput
 from insitu.members.agreement import agreeing_catalog, create_catalog, notes_on_member
 from insitu.members.blank import PictureNote, note_on_pictures
 from insitu.members.conflicts import stored_name, under_stored_name
@@ -21,6 +21,10 @@ from insitu.members.planning import PlanOptions, check_complete, measure_pilot
 from insitu.members.request import Existing, MemberArguments, MemberRequest, member_request
 from insitu.members.result import PeakMemory, RenderedMember
 from render.datasets import ResamplingWarning
+
+NO_SPACING = (
+    "the first field states no spacing, so its values are 1 apart along every axis: pass spacing=(x, y, z) if not"
+)
 
 
 class CatalogWriter:
@@ -78,6 +82,8 @@ class CatalogWriter:
         fields = field.take(known if self.catalog is None else request.shown, known)
         memory.sample()
         with named_disk_errors(request.name, self.path):
+            if self.catalog is None and isinstance(field, LocalField) and field.lacks_spacing:
+                self.once.say("", [NO_SPACING])
             catalog = self.catalog or self._create(fields)
             request = under_stored_name(catalog, request) if replace else request
             distances, coarse = member_distances(fields, request.shown, catalog.plan)

@@ -14,9 +14,7 @@ const viewpointsOf = m => catalog.viewpoints[viewpointSet(m)];
 const towards = point => point.slice(0, 3);
 const upOf = point => point.slice(3, 6);
 const splitOf = m => catalog.splits[memberSplits[m]];
-// A value in as many digits as tell a hundred-thousandth of its dimension's range, six at least.
-const precision = (value, d) => Math.max(6, Math.min(15, 5 + Math.ceil(Math.log10(Math.abs(value) / (d.high - d.low))) || 0));
-const text = (value, d) => Number.isNaN(value) ? "–" : String(+(+value).toPrecision(precision(value, d)));
+const text = (value, d) => Number.isNaN(value) ? "–" : String(+(+value).toPrecision(precision(value, d.high - d.low, 6)));
 
 const addressOf = (cell, view) =>
   ["members", memberNames[cell.member], catalog.appearances[cell.appearance].name, catalog.files[view]]

@@ -168,3 +168,47 @@ def test_ghosts_of_one_process_do_not_stop_a_solver_that_goes_on(catalog: Path) 
     with pytest.warns(UserWarning, match="layers of a block"):
         assert "layers of a block" in str(render(catalog, reynolds=160.0, ghosts=1, on_error="warn").error)
     assert render(catalog, reynolds=160.0, ghosts=(0, 0, 0)).error == ""
+
+
+class Foreign:
+    """An object of another package, which holds an array."""
+
+    def __init__(self, values: np.ndarray) -> None:
+        self.data = values
+
+
+@pytest.mark.parametrize(
+    ("field", "message"),
+    [
+        (None, "got NoneType: was it computed"),
+        ("u.vti", "got str: pass numpy.asarray of its values"),
+        (Foreign(blob()), r"got tests\.insitu\.hook\.test_bad_input\.Foreign: pass its \.data; dims="),
+        (object(), "got object: pass numpy.asarray of its values"),
+        ([[1.0, 2.0], [3.0]], "got list .*inhomogeneous"),
+    ],
+)
+def test_what_is_no_field_is_named_with_the_cure(tmp_path: Path, field: Any, message: str) -> None:
+    with pytest.raises(TypeError, match=message):
+        insitu.render_member(
+            field, {"Re": 1.5}, catalog=tmp_path / "a.cdb", space={"Re": (1, 2)}, appearances=VOLUME, spacing=SPACING
+        )
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_axes_in_another_order_are_said_to_be_that(tmp_path: Path) -> None:
+    heard: list[str] = []
+    plan: dict[str, Any] = {
+        "space": {"Re": (1, 2)},
+        "appearances": VOLUME,
+        "sample_distance": 0.1,
+        "views": ViewPlan(1, 8, 8),
+    }
+    with insitu.Session(tmp_path / "a.cdb", **plan, warn=lambda note: heard.append(str(note))) as session:
+        session.render_member(blob()[:6, :8], {"Re": 1.0})
+        with pytest.raises(ValueError, match=r"Its sides .* dims="):
+            session.render_member(blob()[:6, :8].transpose(1, 2, 0), {"Re": 2.0})
+        with pytest.raises(ValueError, match=r"spacing must be three finite numbers.*'abc'"):
+            session.render_member(blob()[:6, :8], {"Re": 2.0}, spacing="abc")
+    assert heard == [
+        "the first field states no spacing, so its values are 1 apart along every axis: pass spacing=(x, y, z) if not"
+    ]

@@ -58,7 +58,7 @@ def session(path: Path, *appearances: Any, heard: list[str] | None = None) -> Se
 def test_it_is_said_and_recorded(tmp_path: Path, appearance: Any, field: np.ndarray, message: str) -> None:
     heard: list[str] = []
     with session(tmp_path, appearance, heard=heard) as hook:
-        member = hook.render_member(field, {"a": 1.0})
+        member = hook.render_member(field, {"a": 1.0}, spacing=1.0)
     assert len(heard) == 1
     assert message in heard[0]
     assert member.warnings == (heard[0],)
@@ -68,7 +68,7 @@ def test_it_is_said_and_recorded(tmp_path: Path, appearance: Any, field: np.ndar
 def test_it_is_said_once_a_session_and_recorded_of_every_member(tmp_path: Path) -> None:
     heard: list[str] = []
     with session(tmp_path, HIGH, volume((-2.0, 0.0), (1.0, 0.9), name="seen"), heard=heard) as hook:
-        members = [hook.render_member(FIELD - shift, {"a": shift}) for shift in (0.0, 0.5, 0.9)]
+        members = [hook.render_member(FIELD - shift, {"a": shift}, spacing=1.0) for shift in (0.0, 0.5, 0.9)]
     assert len(heard) == 2
     assert heard[1].startswith("in all 3 of 3 members had this warning: dvr: every picture is blank")
     assert [len(member.warnings) for member in members] == [1, 1, 1]
@@ -78,7 +78,7 @@ def test_it_is_said_once_a_session_and_recorded_of_every_member(tmp_path: Path) 
 def test_pictures_that_show_something_are_not_warned_of(tmp_path: Path) -> None:
     heard: list[str] = []
     with session(tmp_path, HIGH, Isosurface("iso", 0.5), heard=heard) as hook:
-        member = hook.render_member(FIELD + 2.0, {"a": 1.0})
+        member = hook.render_member(FIELD + 2.0, {"a": 1.0}, spacing=1.0)
     assert heard == []
     assert member.warnings == ()
 

@@ -10,7 +10,7 @@ import pytest
 
 from catalogs.store.catalog import Catalog
 from catalogs.vocabulary.cameras import Camera
-from catalogs.vocabulary.variations import Setting as VariedSetting
+from catalogs.vocabulary.variations import VariationSetting as VariedSetting
 from surrogate import Surrogate
 from surrogate.explore.reliability.truth import Truth
 from surrogate.explore.run import Run
