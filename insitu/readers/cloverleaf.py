@@ -239,7 +239,11 @@ def _parsed(path: Path, section: Section, spell: Callable[[bytes], bytes]) -> ND
     with path.open("rb") as file, warnings.catch_warnings():
         file.seek(section.begins)
         warnings.simplefilter("ignore")  # of lines without numbers, which the caller counts
-        return np.loadtxt(map(spell, islice(file, section.count)), section.kind, comments=None, ndmin=1)
+        values = np.loadtxt(map(spell, islice(file, section.count)), section.kind, comments=None, ndmin=1)
+        after = file.readline(LINE).strip()
+    if after and not after[:1].isalpha():
+        raise ValueError(f"more than its {section.count} lines follow, such as {after[:40].decode('latin-1')!r}")
+    return values
 
 
 def _skip_lines(file: BinaryIO, count: int, name: str) -> None:

@@ -17,6 +17,7 @@ from typing import Any
 from xml.etree.ElementTree import Element
 
 import numpy as np
+from numpy.typing import NDArray
 
 from insitu.fields.field import Field
 from insitu.readers.arrays import LabelledArray, check_room
@@ -31,6 +32,7 @@ MARKS = (
     re.compile(rb"""TopologyType\s*=\s*["']3D(Co)?RectMesh"""),
     re.compile(rb"""["']Binary["']"""),
 )
+LOOKED_AT = 4096  # numbers of an array that show the order of bytes
 ENDIANS = {"little": "<", "big": ">", "native": "="}
 
 
@@ -101,7 +103,23 @@ def read(path: Path, array: str | None, index: tuple[int, ...], sampling: Sampli
         raise ValueError(f"{name} has {raw.shape} values on {snapshot.counts} points (z, y, x)")
     check_room(math.prod(raw.shape) * raw.kind.itemsize, f"{name!r}")
     values = np.memmap(raw.path, raw.kind, "r", raw.begins, raw.shape)  # [nz, ny, nx]
+    if _is_swapped(values):
+        raise ValueError(f"{name}: the numbers of {raw.path.name} are in another order of bytes than its Endian says")
     return _placed(values, snapshot, name, on_points)
+
+
+def _is_swapped(values: NDArray[np.floating]) -> bool:
+    """True if numbers have the most various exponents as they are, and moderate ones in the other order of bytes."""
+    some = np.array(values.reshape(-1)[:: max(1, values.size // LOOKED_AT)])
+    return _wild(some) > 0.2 and _wild(some.byteswap()) < 0.01
+
+
+def _wild(values: NDArray[np.floating]) -> float:
+    """The share of numbers other than zero that no field of moderate size has."""
+    with np.errstate(invalid="ignore"):  # of NaN that signal
+        sizes = np.abs(values[values != 0].astype(np.float64))
+    most = 1e60 if values.dtype.itemsize == 8 else 1e25
+    return float(np.mean(~((sizes > 1 / most) & (sizes < most)))) if sizes.size else 0.0
 
 
 def _placed(values: Any, snapshot: Snapshot, name: str, on_points: bool) -> Field | LabelledArray:
