@@ -17,7 +17,7 @@ from render.grids import triple
 
 SAME = 1e-5  # relative deviation of a spacing, or of an origin in spacings, that still agrees with coordinates
 # Height over the shorter horizontal side at which axes of different units are drawn as their numbers are, and else.
-SLIMMEST, FLATTEST, HEIGHT = 5.0, 0.05, 0.25
+SLIMMEST, FLATTEST, HEIGHT = 1.0, 0.05, 0.25
 
 
 @dataclass(frozen=True, eq=False)
@@ -186,7 +186,7 @@ def _height(
     length, width, height = (float(axis[-1] - axis[0]) for axis in axes)
     shorter = min(length, width)
     is_box = FLATTEST * shorter <= height <= SLIMMEST * shorter
-    if (is_box or not z) if bare else (x != y or x == z or not x or (not z and x != "degrees")):
+    if is_box if bare else (x != y or x == z or not x or (not z and x != "degrees")):
         return None, ()
     if spacing is not None:
         return triple("spacing", spacing)[2] * (len(axes[2]) - 1) / height, ()
