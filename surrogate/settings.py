@@ -194,7 +194,7 @@ class TrainingSettings:
         """
         if former := sorted(set(table) & {*FORMER, *RARE}):
             raise ValueError(
-                f"training: {former} were settings of an earlier version and are constants now: leave them out"
+                f"training: leave out {', '.join(former)}, which this version does not have any more (it is a constant now)"
             )
         if unknown := sorted(set(table) - set(_TYPES)):
             raise ValueError(f"training: unknown keys {unknown}{_meant(unknown)}; known are {sorted(_TYPES)}")

@@ -2,10 +2,16 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
 import zipfile
 from pathlib import Path
 
+import numpy as np
 import pytest
+
+from tests.support.installed import PROJECT
 
 PACKAGES = ("catalogs", "insitu", "render", "surrogate")
 COMMANDS = ("catalogs", "insitu", "surrogate")
@@ -24,3 +30,27 @@ def test_the_wheel_holds_the_four_packages_alone(wheel: Path) -> None:
     assert "surrogate/kernels/_kernels.pyi" in names
     assert not [name for name in names if name.endswith((".cpp", ".hpp", ".inc")) or "test" in name.lower()]
     assert sorted(commands.split("\n")[1:]) == ["", "", *(f"{name} = {name}.cli:main" for name in COMMANDS)]
+
+
+@pytest.mark.slow
+def test_without_a_compiler_all_but_the_kernels_is_installed(tmp_path: Path) -> None:
+    """`pip install '.[insitu]'` on a compute node that has no C++ compiler."""
+    build = [sys.executable, "-m", "pip", "wheel", "--quiet", "--no-deps", "--wheel-dir", str(tmp_path)]
+    options = ["--no-build-isolation", "--config-settings", f"build-dir={tmp_path / 'build'}", str(PROJECT)]
+    pytest.importorskip("scikit_build_core")
+    built = subprocess.run([*build, *options], env={**os.environ, "CXX": "/bin/false"}, capture_output=True, text=True)
+    assert built.returncode == 0, built.stderr
+    (made,) = tmp_path.glob("*.whl")
+    with zipfile.ZipFile(made) as archive:
+        assert not [name for name in archive.namelist() if name.endswith(".so")]
+        archive.extractall(tmp_path / "packages")
+    program = "import insitu, render, catalogs; insitu.Session; print(insitu.__file__)\nimport surrogate.kernels"
+    path = os.pathsep.join([str(tmp_path / "packages"), str(Path(np.__file__).parent.parent)])
+    outside = {**os.environ, "PYTHONPATH": path}
+    ran = subprocess.run(
+        [sys.executable, "-S", "-c", program], env=outside, cwd=tmp_path, capture_output=True, text=True
+    )
+    assert ran.stdout.startswith(str(tmp_path / "packages")), ran.stderr
+    last = ran.stderr.strip().splitlines()[-1]
+    assert last.startswith("ModuleNotFoundError: the C++ kernels of surrogate were not built")
+    assert "install g++ and python3-dev" in last

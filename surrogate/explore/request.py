@@ -9,11 +9,12 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 from catalogs.vocabulary.cameras import Camera
-from catalogs.vocabulary.parameters import SLACK, Parameter
+from catalogs.vocabulary.parameters import Parameter
 from catalogs.vocabulary.variations import APPEARANCE, POINT_PARAMETERS
 from surrogate.explore.color_maps import NAMES as COLOR_MAPS
 from surrogate.explore.setting import Setting, base_function
 from surrogate.model import Surrogate
+from surrogate.model.places import beyond_limits
 
 Color = tuple[float, float, float]
 
@@ -21,7 +22,6 @@ MOST_SETTINGS = 64
 LEAST_SIDE, MOST_SIDE = 8, 2048
 MOST_PIXELS = 4 * 1024 * 1024  # of all pictures of one frame together
 LEAST_FIELD, MOST_FIELD = 1.0, 150.0  # vertical field of view, degrees
-BEYOND = 1.0  # widths of its bounds by which a parameter may lie outside them
 FARTHEST = 1e6  # how far cameras may stand away, in half sizes of the volume
 
 
@@ -134,23 +134,11 @@ def color_of(value: Any) -> Color:
 
 
 def within(value: Any, parameter: Parameter, origin: float = 0.0) -> float:
-    """The value as a number within `limits`; raises MessageError for anything else, which tells numbers from -`origin` on."""
-    number, (least, most) = _number(value, parameter.name), limits(parameter)
-    slack = SLACK * (most - least)
-    if not least - slack <= number <= most + slack:
-        said, low, high, first, last = (
-            parameter.text(x + origin) for x in (number, parameter.low, parameter.high, least, most)
-        )
-        raise MessageError(
-            f"{parameter.name} = {said} lies too far outside its bounds [{low}, {high}]: it can be drawn from "
-            f"{first} to {last}"
-        )
+    """The value as a number within `surrogate.model.places.limits`; raises MessageError for anything else."""
+    number = _number(value, parameter.name)
+    if sentence := beyond_limits(parameter, number, origin):
+        raise MessageError(sentence)
     return number
-
-
-def limits(parameter: Parameter) -> tuple[float, float]:
-    """From where to where a parameter can be drawn: `BEYOND` widths outside its bounds, on its own scale."""
-    return parameter.at(-BEYOND), parameter.at(1.0 + BEYOND)
 
 
 def _mapping(value: Any, name: str) -> Mapping[str, Any]:

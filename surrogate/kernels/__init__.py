@@ -68,4 +68,7 @@ blend read the Gaussians' arrays again in the backward pass: they must not have 
 try:
     from surrogate.kernels._kernels import *  # noqa: F403, names and types: _kernels.pyi
 except ModuleNotFoundError as error:
-    raise ModuleNotFoundError("the C++ kernels are not built: `pip install .` in the checkout builds them") from error
+    raise ModuleNotFoundError(
+        "the C++ kernels of surrogate were not built, for lack of a C++ compiler or of Python's headers: install g++ and "
+        "python3-dev, and gs-surrogate once more with pip install --force-reinstall --no-deps --no-cache-dir"
+    ) from error

@@ -11,7 +11,7 @@ import torch
 from numpy.typing import NDArray
 
 from catalogs.vocabulary.appearance import TransferFunction
-from catalogs.vocabulary.parameters import ParameterSpace
+from catalogs.vocabulary.parameters import SLACK, Parameter, ParameterSpace
 from catalogs.vocabulary.words import one_line
 from surrogate.appearance.field_gaussians import AnyGaussians, FieldGaussians
 from surrogate.deformation import BilinearDeformation
@@ -19,7 +19,9 @@ from surrogate.deformation.visualization import Visualization
 from surrogate.gaussians import Gaussians
 from surrogate.model.deformed import named
 
-FARTHEST = 10.0  # times the range of a parameter beyond its bounds: what is learnt says nothing of farther values
+BEYOND = (
+    1.0  # widths of its bounds by which a parameter may lie outside them: what is learnt says nothing of farther values
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,16 +137,26 @@ def transfer_place(
     return ParameterPoint(place.parameters, place.simulation, candidates[0], function=function, warnings=place.warnings)
 
 
+def limits(parameter: Parameter) -> tuple[float, float]:
+    """From where to where a parameter can be drawn: `BEYOND` widths outside its bounds, on its own scale."""
+    return parameter.at(-BEYOND), parameter.at(1.0 + BEYOND)
+
+
+def beyond_limits(parameter: Parameter, value: float, origin: float = 0.0) -> str:
+    """A sentence where a value lies outside the `limits`, else ""; numbers in it are counted from -`origin` on."""
+    least, most = limits(parameter)
+    slack = SLACK * (most - least)
+    if least - slack <= value <= most + slack:
+        return ""
+    numbers = (value, parameter.low, parameter.high, least, most)
+    said, low, high, first, last = (parameter.text(number + origin) for number in numbers)
+    return f"{parameter.name} = {said} lies too far outside its bounds [{low}, {high}]: it can be drawn from {first} to {last}"
+
+
 def _check_near(space: ParameterSpace, values: Sequence[float] | NDArray[np.float64]) -> None:
     for parameter, value in zip(space.parameters, values, strict=True):
-        fraction = parameter.fraction(float(value))
-        beyond = max(-fraction, fraction - 1.0)
-        if beyond > FARTHEST:
-            raise ValueError(
-                f"parameter {parameter.name} = {parameter.text(value)} lies {beyond:,.0f} times its range "
-                f"{parameter.range} beyond it, where nothing is known: choose a value nearer its bounds, at most "
-                f"{FARTHEST:g} times the range away"
-            )
+        if sentence := beyond_limits(parameter, float(value)):
+            raise ValueError(sentence)
 
 
 def _varying(visualizations: Sequence[Visualization], parameters: Mapping[str, Any]) -> Visualization:

@@ -72,6 +72,7 @@ def _dataset_seconds(folder: Path) -> float | None:
 
 def _summary(report: Mapping[str, Any]) -> Iterator[str]:
     from surrogate.evaluation.tables import terminal_line
+    from surrogate.report.page import empty_line
     from surrogate.report.variations import variation_line
     from surrogate.training.messages import UNKNOWN
 
@@ -80,6 +81,8 @@ def _summary(report: Mapping[str, Any]) -> Iterator[str]:
             values = [report[metric][views][parameters] for metric in ("psnr", "ssim")]
             if None not in values:
                 yield terminal_line(f"{views}, {parameters}".replace("_", " "), *values)
+    if text := empty_line(report):
+        yield text
     if not any(columns["unseen_parameters"] for columns in report["images"].values()):
         yield UNKNOWN
     for entry in report["trivial_predictors"]:

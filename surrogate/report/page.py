@@ -33,6 +33,7 @@ def page(record: Mapping[str, Any], pictures: Mapping[str, str]) -> str:
         _ensemble(record.get("ensemble")),
         "## How good",
         cell_table(record, ("views", "parameters")),
+        empty_line(record),
         perceptual_remarks(record, record["unavailable"]),
         validation_line(record, ""),
         *center_table(record, ("views", "parameters")),
@@ -46,6 +47,16 @@ def page(record: Mapping[str, Any], pictures: Mapping[str, str]) -> str:
         "## Definitions",
         "\n".join(f"- **{name}**: {text}." for name, text in record["definitions"].items()),
     )
+
+
+def empty_line(record: Mapping[str, Any]) -> str:
+    """A sentence on test images that show nothing, which nearly any picture without Gaussians predicts; "" without any."""
+    counts = record.get("empty", {"images": 0, "of": 0})
+    if not counts["images"]:
+        return ""
+    which = "All" if counts["images"] == counts["of"] else f"{counts['images']:,} of"
+    said = "nothing was learnt or tested" if which == "All" else "they are predicted easily, and raise the means"
+    return f"{which} {counts['of']:,} test images are empty: {said} (an empty image that is predicted empty counts as 60 dB)."
 
 
 def _ensemble(record: Mapping[str, Any] | None) -> str:

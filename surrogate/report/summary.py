@@ -32,6 +32,7 @@ def summarize(
 ) -> dict[str, Any]:
     """An evaluation with what made it."""
     judged = [s for row in evaluation.cells.values() for s in row["unseen_parameters"]]
+    scored = [s for row in evaluation.cells.values() for group in row.values() for s in group]
     middle = surrogate.space.middle
     return {
         "scene": scene,
@@ -51,6 +52,7 @@ def summarize(
         "at_center": _at_center(evaluation, middle),
         "unavailable": dict(evaluation.unavailable),
         "empty_images": sum(math.isnan(s.score.psnr_foreground) for s in judged),
+        "empty": {"images": sum(s.score.covered == 0.0 for s in scored), "of": len(scored)},
         "trivial_predictors": [_member_baseline(baseline) for baseline in evaluation.baselines],
         "variations": [_variation(v, middle) for v in evaluation.variations],
         "choices": surrogate.training.get("choices", []),

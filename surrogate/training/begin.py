@@ -16,6 +16,7 @@ from surrogate.storage import models
 from surrogate.storage.checkpoints import CHECKPOINT, fingerprint, locked
 from surrogate.storage.runs import BESIDE, RunFolder, RunRecord, path_between, seen_by_run, with_chosen_splits
 from surrogate.training.budget import MINUTES, STEP_KEYS, Budget, budgeted
+from surrogate.training.content import require_content
 from surrogate.training.pace import Clock
 from surrogate.training.ranks import ALONE, Ranks
 from surrogate.training.source import Source
@@ -91,7 +92,7 @@ def begin(
         return RunFolder(folder, existing)
     first = TrainingSettings.from_table(options.settings)
     seen = with_chosen_splits(catalog, first, options.hold_out, first.seed)
-    Source(first, seen, ranks)  # says what can't be learnt
+    require_content(Source(first, seen, ranks))  # each says what can't be learnt
     ranks.by_first(lambda: folder.mkdir(parents=True, exist_ok=True))
     try:
         with ExitStack() as locks:

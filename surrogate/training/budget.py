@@ -49,6 +49,7 @@ COMPRESSION = 0.18  # of the same steps: fine-tunings after each choice
 PICTURES = 4_000  # drawn to make the choices of compression
 LARGEST_SHARE = 0.2  # of the time that these pictures may take: else nothing is compressed
 SPARE = 3.0  # seconds, to begin and to write down
+LENIENCE = 1.25  # for machines that are slower the next time
 
 # Of the time, and seconds at most, in which the speed is measured in the end: one second says little where others use the machine.
 MEASURED_SHARE, MOST_MEASURED = 0.03, 20.0
@@ -222,10 +223,7 @@ def _in_time(
         overhead = COMPRESSION * compressing + COLOR_PROBES * (tried.color_degree == "auto")
         steps = int((left - PICTURES * pace.draw * compressing) / (pace.mean_step * (1.0 + overhead / len(rows))))
         if steps < FEWEST_STEPS * len(rows):
-            raise ValueError(
-                f"{seconds / 60.0:g} minutes are too short here: to load {images:,} images takes {pace.load * images:.0f} s, "
-                f"and a step {1e3 * pace.mean_step:.0f} ms"
-            )
+            raise ValueError(_too_short(seconds, seconds - left - SPARE - pace.load * images, images, len(rows), pace))
         choices = given if compressing or not choosing else {"fit_to_need": False, **given}
         return _Plan(tried, pace, compressing, steps, _sized(choices, source, worth, steps))
 
@@ -245,6 +243,18 @@ def _in_time(
         "seconds_to_load": round(plan.pace.load * images, 1),
         "compressed": plan.is_compressed,
     }
+
+
+def _too_short(seconds: float, spent: float, images: int, stages: int, pace: Pace) -> str:
+    """The sentence on minutes that don't suffice: what takes the time, and the least that would."""
+    load, training = pace.load * images, FEWEST_STEPS * stages * pace.mean_step
+    overhead = (1.0 + COMPRESSION + COLOR_PROBES) / (1.0 - LARGEST_SHARE)
+    least = LENIENCE * (spent + SPARE + load + overhead * training) / 60.0
+    return (
+        f"{seconds / 60.0:g} minutes are too short here: starting up and measuring this machine's speed took {spent:.0f} s, "
+        f"loading {images:,} images takes {load:.0f} s, the fewest {FEWEST_STEPS * stages} steps {training:.0f} s, and writing "
+        f"{SPARE:.0f} s: --minutes {math.ceil(10.0 * least) / 10.0:g} suffices, or give --steps instead"
+    )
 
 
 def _slowest(settings: TrainingSettings, shown: Appearance) -> TrainingSettings:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -102,10 +103,10 @@ def _begun(
 
 
 def _train(opened: OpenRun, ranks: Ranks) -> None:
-    from surrogate.training.messages import closing, tests_line
+    from surrogate.training.messages import closing
 
     is_finished = ranks.by_first(lambda: _is_finished(opened))
-    if ranks.is_first and (text := tests_line(opened.catalog)):
+    for text in _notes(opened, is_finished) if ranks.is_first else ():
         click.echo(f"  {text}")
     surrogate, opened = _trained(opened, ranks)  # which looks whether it is this one
     if not ranks.is_first:
@@ -117,6 +118,19 @@ def _train(opened: OpenRun, ranks: Ranks) -> None:
     click.echo(f"{surrogate!r} after {surrogate.training['seconds']:.0f} s -> {opened.model}")
     for text in closing(surrogate, opened.catalog, opened.folder):
         click.echo(text)
+
+
+def _notes(opened: OpenRun, is_finished: bool) -> Iterator[str]:
+    """Sentences on the catalog of a run; raises ValueError where nothing can be learnt from it."""
+    from surrogate.training.content import require_content
+    from surrogate.training.messages import starting, tests_line
+    from surrogate.training.source import Source
+
+    if is_finished:
+        return filter(None, [tests_line(opened.catalog)])
+    source = Source(opened.settings, opened.catalog)
+    require_content(source)
+    return starting(source)
 
 
 def _is_finished(opened: OpenRun) -> bool:
@@ -143,7 +157,8 @@ def _trained(opened: OpenRun, ranks: Ranks) -> tuple[Surrogate, OpenRun]:
             except Diverged as error:
                 record = ranks.by_first(partial(_calmer, opened, error))
                 line.say(
-                    f"{str(error).split(':')[0]}: it begins anew with half the rates of the simulation deformation"
+                    f"{str(error).split(':')[0]}: it begins anew with half the rates of the simulation deformation; nothing need "
+                    "be done"
                 )
         opened = OpenRun.of_run(RunFolder(opened.folder, record))
 

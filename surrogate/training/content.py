@@ -12,11 +12,12 @@ from numpy.typing import NDArray
 from catalogs.vocabulary.cameras import Camera
 from surrogate.evaluation.metrics import WHITE
 from surrogate.evaluation.scoring import spread
-from surrogate.training.data import Example, ImageRow, load_examples
+from surrogate.training.data import Example, ImageRow, load_examples, training_rows
 from surrogate.training.source import Source
 
 SAMPLED = 64  # pictures that visible pixels and roughness are judged by
 CAMERAS, MEMBERS = 6, 24  # at most that are compared
+ONE_STEP = 1.01 / 255.0  # of 8 bits
 VISIBLE = 0.01  # of a pixel that shows something: its opacity, or how far any channel is from the background
 
 
@@ -42,6 +43,30 @@ def roughness(examples: Sequence[Example]) -> float:
         fine += float(((colors[1:-1, 1:-1] - around / 4.0) ** 2).sum()) / colors.size
         whole += float(((colors - colors.mean(axis=(0, 1))) ** 2).mean())
     return fine / whole if whole else 0.0
+
+
+def empty_images(source: Source) -> tuple[int, int]:
+    """The numbers of empty ones among some training images of the base appearance, and of these."""
+    rows = training_rows(source.catalog, [source.appearance])
+    some = sampled(source, rows)
+    return sum(_is_empty(example, source) for example in some), len(some)
+
+
+def require_content(source: Source) -> None:
+    """Raise ValueError where all training images are empty, of the base appearance and of variations."""
+    variations = [[s.appearance for s in variation.settings] for variation in source.variations]
+    of_all = [training_rows(source.catalog, names) for names in ([source.appearance], *variations)]
+    for rows in of_all:
+        if not all(_is_empty(example, source) for example in sampled(source, rows)):
+            return
+    for row in (row for rows in of_all for row in rows):
+        [example] = load_examples(source.catalog, [row], source.normalization)
+        if not _is_empty(example, source):
+            return
+    raise ValueError(
+        f"all {sum(map(len, of_all)):,} training images of {source.appearance} in {source.catalog.path} are empty, so nothing "
+        "can be learnt: render again with a transfer function, isovalue or bounds that show the field"
+    )
 
 
 def changing_share(source: Source, rows: Sequence[ImageRow]) -> float:
@@ -77,6 +102,14 @@ def _key(camera: Camera) -> tuple[object, ...]:
     size = float(np.abs(matrix).max())
     places = tuple(np.round(matrix / size, 6).ravel() + 0.0)
     return (*places, round(camera.fx, 3), round(camera.fy, 3), camera.width, camera.height)
+
+
+def _is_empty(example: Example, source: Source) -> bool:
+    """True where no pixel differs from the background, or has any opacity."""
+    if example.pixels.shape[2] == 4:
+        return not example.pixels[..., 3].any()
+    background = np.asarray(source.catalog.plan.background or WHITE)
+    return bool((np.abs(example.pixels / 255.0 - background) < ONE_STEP).all())
 
 
 def _shows(pixels: NDArray[np.uint8], source: Source) -> NDArray[np.bool_]:  # [H, W]

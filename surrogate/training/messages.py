@@ -17,9 +17,12 @@ from surrogate.evaluation.scoring import mean, score_cases, spread
 from surrogate.model import Surrogate
 from surrogate.splatting.threads import one_torch_thread
 from surrogate.storage.runs import RunFolder
+from surrogate.training.content import empty_images
 from surrogate.training.source import Source
 
 MOST_SCORED = 40  # test images
+FEW = 4  # training members, below which there is a warning
+EMPTY_SHARE = 0.2  # of the images looked at, from which on there is one
 UNKNOWN = "no member tests it, so nothing is known of unseen parameters"
 HOLD_OUT, FEWEST = "--hold-out 0.2 keeps some aside", 3  # members, of which one may lie between others
 
@@ -75,15 +78,43 @@ def learnt_line(plan: CatalogPlan, appearance: str, variations: Sequence[Variati
 
 
 def members_line(catalog: Catalog) -> str:
-    """Numbers of members to learn from, to choose by and to test; without the last, what remains unknown."""
+    """Numbers of members for training, validation and testing; without the last, what remains unknown."""
     members = catalog.members
     counts = Counter(member.split for member in members)
     views = any("validation" in member.view_splits for member in members)
     choosing = counts["validation"] or ("some of their views" if views else 0)
-    text = f"{len(members)} member{'s' * (len(members) != 1)}: {counts['train']} to learn from, {choosing} to choose by"
+    text = (
+        f"{len(members)} member{'s' * (len(members) != 1)}: {counts['train']} for training, {choosing} for validation"
+    )
     if counts["test"]:
-        return f"{text}, {counts['test']} to test"
+        return f"{text}, {counts['test']} for testing"
     return f"{text}; {UNKNOWN}" + (f" ({HOLD_OUT})" if len(members) >= FEWEST else "")
+
+
+def starting(source: Source) -> Iterator[str]:
+    """Sentences on what a training can't learn from its catalog, or that tests it less than it seems to."""
+    catalog, space = source.catalog, source.catalog.plan.space
+    members = [m for m in catalog.members if m.split == "train" and source.appearance in m.appearances]
+    if text := tests_line(catalog):
+        yield text
+    if len(members) < FEW and len(space):
+        yield (
+            f"{len(members)} member{'s' * (len(members) != 1)} for training: a surrogate of so few can at best blend between them; "
+            "render more members, or hold out fewer"
+        )
+    for name in space.names if len(members) > 1 else ():
+        values = {member.parameters[name] for member in members}
+        if len(values) == 1:
+            yield (
+                f"{name} is {values.pop()!r} in all members for training, so nothing is learnt of it: render members with other "
+                "values, or leave it out of the parameters"
+            )
+    empty, looked_at = empty_images(source)
+    if empty > EMPTY_SHARE * looked_at:
+        yield (
+            f"{empty} of {looked_at} training images looked at are empty: if that is wrong, render with another transfer function, "
+            "isovalue or bounds"
+        )
 
 
 def tests_line(catalog: Catalog) -> str:

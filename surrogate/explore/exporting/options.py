@@ -99,7 +99,7 @@ def _setting(run: Run, assignments: Sequence[str], color_map: str, like: Setting
     known = [*space.names, *run.surrogate.visualization_names]
     strange = [name for name in asked if name not in known]
     if strange:
-        raise ValueError(f"this surrogate has the parameters {', '.join(known)}, got {', '.join(strange)}")
+        raise ValueError(f"unknown parameter {', '.join(strange)}: this surrogate has {', '.join(known) or 'none'}")
     values = {name: _displacement(run, name, value) for name, value in asked.items()}
     varied = {name: value for name, value in values.items() if name not in space.names}
     middle = {p.name: p.middle for p in space.parameters}

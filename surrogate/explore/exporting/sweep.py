@@ -196,7 +196,7 @@ def axis_of(run: Run, name: str, count: int, low: Any = None, high: Any = None) 
     """
     known = parameters_of(run.surrogate)
     if name not in known:
-        raise ValueError(f"this surrogate has the parameters {sorted(known)}, got {name!r}")
+        raise ValueError(f"unknown parameter {name!r}: this surrogate has {', '.join(sorted(known)) or 'none'}")
     of, origin = known[name], run.origins.get(name, 0.0)
     first, last = (p if end is None else within(end, of, origin) for end, p in ((low, of.low), (high, of.high)))
     return Axis(name, first, last, count, of.unit, of.scale, origin)

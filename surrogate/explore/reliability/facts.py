@@ -41,10 +41,10 @@ from catalogs.vocabulary.variations import Variation
 from surrogate.evaluation.scoring import spread
 from surrogate.explore.color_maps import NAMES, color_points
 from surrogate.explore.reliability.points import base_name
-from surrogate.explore.request import limits
 from surrogate.explore.run import Run
 from surrogate.explore.setting import base_function
 from surrogate.model import Surrogate
+from surrogate.model.places import limits
 from surrogate.notebook import first_camera
 
 MOST_TICKS, MOST_MEMBERS, MOST_SUMMARIES = 300, 5000, 200

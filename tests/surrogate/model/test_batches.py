@@ -100,7 +100,7 @@ WRONG = [
     ({"Re": [1500.0]}, CAMERAS[0], r"missing \['time'\]"),
     ([{"Re": 1500.0, "time": 0.0}, 3], CAMERAS[0], "must be mappings all"),
     ([[math.nan, 1.0]], CAMERAS[0], "Re must be"),
-    ([[1e9, 1.0]], CAMERAS[0], "times its range"),
+    ([[1e9, 1.0]], CAMERAS[0], "too far outside its bounds"),
     (ROWS, CAMERAS[:4], "one for each of 6 rows of parameters, got 4"),
     (ROWS, [], "cameras must be one or more"),
     (ROWS, ["front"], "got str"),

@@ -22,9 +22,9 @@ from tests.support.visualizations import base, of_functions, of_isovalue, surrog
 FORKS = "fork" in multiprocessing.get_all_start_methods()
 
 
-def drawn(model: Surrogate, value: float) -> np.ndarray:
+def drawn(model: Surrogate, fraction: float) -> np.ndarray:
     camera = first_camera(model.normalization, 8)
-    return model.at(**dict.fromkeys(model.space.names, value), outside="allow").render(camera)
+    return model.at({p.name: p.at(fraction) for p in model.space.parameters}).render(camera)
 
 
 @pytest.mark.slow

@@ -214,9 +214,15 @@ def test_it_all_moves_to_another_device() -> None:
 @pytest.mark.parametrize(
     ("parameters", "complaint"),
     [
-        ({"Re": 1e9, "time": 1.0}, r"Re = 1e\+09 lies 999,998 times its range \[1500, 2500\] beyond it"),
-        ({"Re": -1e300, "time": 1.0}, r"beyond it, where nothing is known"),
-        ({"Re": 1600.0, "time": 30.0}, r"time = 30 lies 14 times its range \[0, 2\] beyond it"),
+        (
+            {"Re": 1e9, "time": 1.0},
+            r"Re = 1e\+09 lies too far outside its bounds \[1500, 2500\]: it can be drawn from 500 to 3500",
+        ),
+        ({"Re": -1e300, "time": 1.0}, r"Re = -1e\+300 lies too far outside"),
+        (
+            {"Re": 1600.0, "time": 30.0},
+            r"time = 30 lies too far outside its bounds \[0, 2\]: it can be drawn from -2 to 4",
+        ),
     ],
 )
 @pytest.mark.parametrize("outside", ["warn", "allow"])
@@ -226,15 +232,15 @@ def test_absurd_parameters_are_refused_at_once(parameters: dict[str, float], com
 
 
 def test_absurd_isovalues_are_refused_at_once() -> None:
-    with pytest.raises(ValueError, match=r"isovalue = -1e\+06 lies .* its range"):
+    with pytest.raises(ValueError, match=r"isovalue = -1e\+06 lies too far outside"):
         varied().at(p=0.3, isovalue=-1e6)
 
 
 def test_what_extrapolates_to_no_numbers_is_refused() -> None:
     model = some_surrogate()
     wild = replace(model.deformation, weights_out=1e4 * model.deformation.tensors()["weights_out"])  # type: ignore[type-var]
-    with pytest.raises(ValueError, match=r"not finite at Re=12000, time=1: choose values nearer"):
-        replace(model, deformation=wild).at(Re=12000.0, time=1.0, outside="allow")
+    with pytest.raises(ValueError, match=r"not finite at Re=3400, time=1: choose values nearer"):
+        replace(model, deformation=wild).at(Re=3400.0, time=1.0, outside="allow")
 
 
 @pytest.mark.parametrize(

@@ -45,7 +45,7 @@ def flow(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def test_from_a_catalog_to_the_explorer(flow: Path) -> None:
     said = call("train", flow, *SMALL)
     assert "learns the pictures drawn over p in [0, 1]" in said
-    assert "4 members: 2 to learn from, 1 to choose by, 1 to test\n" in said
+    assert "4 members: 2 for training, 1 for validation, 1 for testing\n" in said
     assert "dB over 1 test images: unseen views and parameters" in said
     assert "next: surrogate explore runs/flow" in said
     assert "nothing to do" in call("train", flow, *SMALL)
@@ -76,7 +76,7 @@ def test_without_test_members_nothing_is_claimed_of_unseen_parameters(flow: Path
     for member in ("test-0", "validation-0"):
         shutil.rmtree(flow / "members" / member)
     said = call("train", flow, *SMALL)
-    assert "2 members: 2 to learn from, 0 to choose by; no member tests it, so nothing is known" in said
+    assert "2 members: 2 for training, 0 for validation; no member tests it, so nothing is known" in said
     assert "unseen views of members that it learnt from; no member tests it" in said
     assert "no member tests it, so nothing is known of unseen parameters\n" in call("evaluate", "runs/flow")
     page = Path("runs/flow/report/report.md").read_text()
@@ -138,12 +138,19 @@ def test_a_training_that_diverges_begins_anew(flow: Path, monkeypatch: pytest.Mo
 
     monkeypatch.setattr(surrogate.training.run, "train", diverging)
     said = call("train", flow, *SMALL)
-    assert said.count("training diverged in stage deformation: it begins anew with half the rates") == 2
+    assert (
+        said.count(
+            "training diverged in stage deformation: it begins anew with half the rates of the simulation deformation; nothing need be done"
+        )
+        == 2
+    )
     assert rates == [0.05, 0.025, 0.0125]
     assert "nothing to do" in call("train", flow)
     rates.clear()
     Path("mine.toml").write_text('name = "mine"\n[source]\nkind = "catalog"\npath = "flow.cdb"\n')
-    assert "lower the rates" in refused("train", "mine.toml")
+    failed = CliRunner().invoke(main, ["train", "mine.toml"])
+    assert failed.exit_code == 1
+    assert "lower the rates" in failed.output.splitlines()[-1]
 
 
 @pytest.mark.parametrize("source", ["flow.cdb", "scenes/blobs.toml"])

@@ -213,7 +213,7 @@ def test_extrapolation_is_reported(run: Path, tmp_path: Path) -> None:
         (
             export,
             ("-p", "q=1", "-o", "a.png"),
-            "has the parameters p, c1_value, c1_opacity, c2_value, c2_opacity, isovalue, got q",
+            "unknown parameter q: this surrogate has p, c1_value, c1_opacity, c2_value, c2_opacity, isovalue",
         ),
         (export, ("-p", "p", "-o", "a.png"), "given as NAME=VALUE, got 'p'"),
         (export, ("-p", "p=a", "-o", "a.png"), "given as NAME=VALUE, got 'p=a'"),
@@ -226,7 +226,7 @@ def test_extrapolation_is_reported(run: Path, tmp_path: Path) -> None:
         (export, ("--color-map", "jet", "-o", "a.png"), "color_map must be one of viridis"),
         (export, ("--like", __file__, "-o", "a.png"), "no record can be read from"),
         (sweep, ("--over", "p", "-o", "a.exr"), "must end with one of .png, .gif, .mp4, got a.exr"),
-        (sweep, ("--over", "q", "-o", "a.png"), "has the parameters"),
+        (sweep, ("--over", "q", "-o", "a.png"), "unknown parameter 'q': this surrogate has "),
         (sweep, ("--over", "p", "--steps", "500", "-o", "a.png"), "2 to 200 steps, got 500"),
         (sweep, ("--over", "p", "--from", "2", "-o", "a.png"), "to a larger one, got 2 to 1"),
         (sweep, ("--over", "p", "--rows", "p", "-o", "a.png"), "two different parameters, got p twice"),

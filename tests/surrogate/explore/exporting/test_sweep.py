@@ -94,8 +94,9 @@ def test_too_many_pictures_are_refused() -> None:
     ("axis", "complaint"),
     [
         (Axis("q", 0.0, 1.0, 3), r"can't be shown at q = 0: .*unknown \['q'\]"),
-        (Axis("c1_value", 0.0, 5.0, 3), r"can't be shown at c1_value = 5: opacity_points must have strictly"),
-        (Axis("c1_opacity", 0.0, 5.0, 3), r"can't be shown at c1_opacity = 5: opacity_points must have"),
+        (Axis("c1_value", 0.0, 1.1, 3), r"can't be shown at c1_value = 1.1: opacity_points must have strictly"),
+        (Axis("c1_opacity", 0.0, 0.74, 3), r"can't be shown at c1_opacity = 0.74: opacity_points must have"),
+        (Axis("c1_opacity", 0.0, 5.0, 3), r"can't be shown at c1_opacity = 5: c1_opacity = 5 lies too far outside"),
         (Axis("isovalue", 0.3, 0.5, 3), r"can't be shown at isovalue = 0.3: .* belong to different variations"),
     ],
 )
@@ -123,5 +124,5 @@ def test_an_axis_goes_over_the_bounds_of_its_parameter_or_to_other_ends() -> Non
     assert (axis_of(run, "c2_value", 2).high, axis_of(run, "c2_value", 2).origin) == (0.4, 2.0)
     with pytest.raises(ValueError, match="lies too far outside its bounds"):
         axis_of(run, "p", 5, 0.0, 9.0)
-    with pytest.raises(ValueError, match=r"has the parameters \['p'\], got 'isovalue'"):
+    with pytest.raises(ValueError, match=r"unknown parameter 'isovalue': this surrogate has p$"):
         axis_of(Run("plain", plain()), "isovalue", 2)
