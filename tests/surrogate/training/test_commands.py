@@ -138,12 +138,8 @@ def test_a_training_that_diverges_begins_anew(flow: Path, monkeypatch: pytest.Mo
 
     monkeypatch.setattr(surrogate.training.run, "train", diverging)
     said = call("train", flow, *SMALL)
-    assert (
-        said.count(
-            "training diverged in stage deformation: it begins anew with half the rates of the simulation deformation; nothing need be done"
-        )
-        == 2
-    )
+    again = "it begins anew with half the rates of the simulation deformation; nothing need be done"
+    assert said.count(f"training diverged in stage deformation: {again}") == 2
     assert rates == [0.05, 0.025, 0.0125]
     assert "nothing to do" in call("train", flow)
     rates.clear()
