@@ -12,6 +12,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from render.cell_types import cell_types, centers, extracted, straight
+
 NO_CELLS = (
     1 | 8 | 16 | 32
 )  # vtkDataSetAttributes: duplicate (another block's), refined (finer cells lie there), exterior, hidden
@@ -121,23 +123,20 @@ def _present(data: Any) -> Any:
     if data.IsA("vtkUnstructuredGrid"):
         flat = _flat(data)
         absent = flat if absent is None else flat | absent
-    return data if absent is None or not absent.any() else _extracted(_appended([data]), ~absent)
+    return data if absent is None or not absent.any() else extracted(_appended([data]), ~absent)
 
 
 def _flat(mesh: Any) -> NDArray[np.bool_]:
     """Which cells [C] of a vtkUnstructuredGrid are faces, edges or vertices."""
     from vtkmodules.util.numpy_support import vtk_to_numpy
-    from vtkmodules.vtkCommonCore import vtkIdTypeArray
     from vtkmodules.vtkCommonDataModel import vtkGenericCell
 
-    cell, numbers = vtkGenericCell(), vtkIdTypeArray()
-    flat = np.zeros(mesh.GetNumberOfCells(), dtype=bool)
+    cell, flat = vtkGenericCell(), []
     for kind in vtk_to_numpy(mesh.GetDistinctCellTypesArray()):
         cell.SetCellType(int(kind))
         if cell.GetCellDimension() < 3:
-            mesh.GetIdsOfCellsOfType(int(kind), numbers)
-            flat[vtk_to_numpy(numbers)] = True
-    return flat
+            flat.append(kind)
+    return np.isin(cell_types(mesh), flat) if flat else np.zeros(mesh.GetNumberOfCells(), dtype=bool)
 
 
 def _on_points(data: Any) -> Any:
@@ -150,24 +149,6 @@ def _on_points(data: Any) -> Any:
     converted.SetInputData(data)
     converted.Update()
     return converted.GetOutput()
-
-
-def _extracted(mesh: Any, kept: NDArray[np.bool_]) -> Any:
-    from vtkmodules.util.numpy_support import numpy_to_vtk
-    from vtkmodules.vtkCommonDataModel import vtkDataObject
-    from vtkmodules.vtkFiltersCore import vtkThreshold
-
-    mesh.GetCellData().RemoveArray("vtkGhostType")  # filters would act on it
-    flags = numpy_to_vtk(kept.astype(np.uint8))
-    flags.SetName("vtkKept")
-    mesh.GetCellData().AddArray(flags)
-    threshold = vtkThreshold()
-    threshold.SetInputData(mesh)
-    threshold.SetInputArrayToProcess(0, 0, 0, vtkDataObject.FIELD_ASSOCIATION_CELLS, "vtkKept")
-    threshold.SetUpperThreshold(0.5)
-    threshold.SetThresholdFunction(vtkThreshold.THRESHOLD_UPPER)
-    threshold.Update()
-    return threshold.GetOutput()
 
 
 def edges_along_axes(mesh: Any, share: float) -> NDArray[np.float64]:
@@ -245,9 +226,9 @@ def reconstructed(
     Linear fields come out exactly.  Source: Barth & Jespersen 1989, "The design and application of upwind schemes on unstructured
     meshes".
     """
-    centers = _centers(mesh)  # [C, 3]
-    slopes, low, high = _slopes(mesh, centers, values)
-    found = np.sum((points - centers[cells]) * slopes[cells], axis=1) + values[cells]
+    middles = centers(mesh)  # [C, 3]
+    slopes, low, high = _slopes(mesh, middles, values)
+    found = np.sum((points - middles[cells]) * slopes[cells], axis=1) + values[cells]
     return np.clip(found, low[cells], high[cells])
 
 
@@ -305,13 +286,10 @@ def _extreme(
 def _outermost(mesh: Any) -> NDArray[np.bool_]:
     """Which cells [C] have a face that no other cell shares."""
     from vtkmodules.util.numpy_support import vtk_to_numpy
-    from vtkmodules.vtkCommonDataModel import vtkUnstructuredGrid
     from vtkmodules.vtkFiltersGeometry import vtkGeometryFilter
 
-    plain = vtkUnstructuredGrid()
-    plain.CopyStructure(mesh)
     surface = vtkGeometryFilter()
-    surface.SetInputData(plain)
+    surface.SetInputData(straight(mesh))
     surface.PassThroughCellIdsOn()
     surface.Update()
     found = np.zeros(mesh.GetNumberOfCells(), dtype=bool)
@@ -329,18 +307,6 @@ def _merged(mesh: Any) -> Any:
     clean.SetTolerance(COINCIDENT)
     clean.Update()
     return clean.GetOutput()
-
-
-def _centers(mesh: Any) -> NDArray[np.float64]:
-    """The parametric centre of each cell [C, 3]."""
-    from vtkmodules.util.numpy_support import vtk_to_numpy
-    from vtkmodules.vtkFiltersCore import vtkCellCenters
-
-    filter_ = vtkCellCenters()
-    filter_.SetInputData(mesh)
-    filter_.CopyArraysOff()
-    filter_.Update()
-    return vtk_to_numpy(filter_.GetOutput().GetPoints().GetData()).astype(np.float64)
 
 
 def _connectivity(mesh: Any) -> tuple[NDArray[np.int64], NDArray[np.int64]]:

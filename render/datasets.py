@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from render.arrays import plain_array
+from render.cell_types import add_places, check_types, divided
 from render.cells import (
     HIDDEN_CELLS,
     HIDDEN_POINTS,
@@ -237,6 +238,7 @@ def _of_mesh(data: list[Any], kind: str, name: str, on_cells: bool, nan: str) ->
     mesh = joined(data)
     if not mesh.GetNumberOfCells():
         raise ValueError(f"the {kind} has no cells but ghosts and hidden ones")
+    check_types(mesh, on_cells)
     values = _values(mesh, name, on_cells)
     filled = lattice(mesh, values) if on_cells else None
     if filled is not None and min(filled[0].shape) > 1:
@@ -246,7 +248,7 @@ def _of_mesh(data: list[Any], kind: str, name: str, on_cells: bool, nan: str) ->
 
 def _probed(mesh: Any, kind: str, name: str, of_cells: NDArray[Any] | None, nan: str) -> Grid:
     """A grid of the point array of a vtkUnstructuredGrid, or of the values `of_cells` [C]."""
-    from vtkmodules.util.numpy_support import numpy_to_vtk, vtk_to_numpy
+    from vtkmodules.util.numpy_support import vtk_to_numpy
     from vtkmodules.vtkFiltersCore import vtkResampleToImage
 
     bounds = np.array(mesh.GetBounds()).reshape(3, 2)  # [3, 2]
@@ -257,20 +259,21 @@ def _probed(mesh: Any, kind: str, name: str, of_cells: NDArray[Any] | None, nan:
     sampled, method = name, "interpolated linearly in each cell"
     if of_cells is not None:
         sampled, method = "vtkCell", "linear in each cell around its centre"
-        cells = numpy_to_vtk(np.arange(len(of_cells), dtype=np.int64))
-        cells.SetName(sampled)
-        mesh.GetCellData().AddArray(cells)
+    is_corrected = of_cells is None and add_places(mesh, name)
     resample = vtkResampleToImage()
-    resample.SetInputDataObject(mesh)
+    resample.SetInputDataObject(divided(mesh))
     resample.SetUseInputBounds(True)
     resample.SetSamplingDimensions(*counts)
     resample.Update()
     image = resample.GetOutput()
     values = vtk_to_numpy(image.GetPointData().GetArray(sampled)).reshape(counts[::-1])
     outside = vtk_to_numpy(image.GetPointData().GetArray("vtkValidPointMask")).reshape(counts[::-1]) == 0
+    points = image.GetOrigin() + np.argwhere(~outside)[:, ::-1] * np.array(image.GetSpacing())  # [N, 3]
+    if is_corrected:
+        place, slope = (vtk_to_numpy(image.GetPointData().GetArray(part)) for part in ("vtkPlace", "vtkSlope"))
+        values = values.astype(np.float64)
+        values[~outside] += np.sum((points - place[~outside.ravel()]) * slope[~outside.ravel()], axis=1)
     if of_cells is not None:
-        inside = np.argwhere(~outside)  # [N, 3]
-        points = image.GetOrigin() + inside[:, ::-1] * np.array(image.GetSpacing())  # [N, 3]
         cells, values = values[~outside], np.zeros(values.shape)
         values[~outside] = reconstructed(mesh, of_cells.astype(np.float64), cells, points)
     nx, ny, nz = counts

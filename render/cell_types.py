@@ -1,0 +1,163 @@
+"""Cells that VTK's own filters sample wrongly, or not at all: curved ones, and those of many faces."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+CONVEX_POINT_SET, POLYHEDRON, TRIQUADRATIC_PYRAMID = 41, 42, 37
+# Cells that are sampled by tetrahedra: VTK aborts the process (convex point sets), takes a cell for its whole box (polyhedra), or
+# finds no points or another cell's in them (prisms of five and six sides, curved pyramids and wedges).
+DIVIDED = (15, 16, 27, 31, 32, CONVEX_POINT_SET, POLYHEDRON)
+CURVED = {  # the linear type on the first points of each: quadratic, Lagrange and Bezier cells
+    **dict.fromkeys((24, 71, 78), 10),
+    **dict.fromkeys((25, 29, 33, 72, 79), 12),
+    **dict.fromkeys((26, 31, 32, 73, 80), 13),
+    **dict.fromkeys((27, 37), 14),
+}
+CORNERS = {10: 4, 12: 8, 13: 6, 14: 5}
+INEXACT = (24, 25, 26)  # VTK finds the place within these to a thousandth only
+
+
+def cell_types(mesh: Any) -> NDArray[np.uint8]:
+    """The type [C] of each cell of a vtkUnstructuredGrid."""
+    from vtkmodules.util.numpy_support import vtk_to_numpy
+    from vtkmodules.vtkCommonCore import vtkIdTypeArray
+
+    kinds = vtk_to_numpy(mesh.GetDistinctCellTypesArray())
+    found = np.full(mesh.GetNumberOfCells(), kinds[0] if len(kinds) else 0, dtype=np.uint8)
+    for kind in kinds[1:]:
+        numbers = vtkIdTypeArray()  # VTK would add to one that is used again
+        mesh.GetIdsOfCellsOfType(int(kind), numbers)
+        found[vtk_to_numpy(numbers)] = kind
+    return found
+
+
+def check_types(mesh: Any, on_cells: bool) -> None:
+    """Raise ValueError where a vtkUnstructuredGrid has cells in which VTK can't find points, or whose faces it can't tell."""
+    types = cell_types(mesh)
+    if (types == TRIQUADRATIC_PYRAMID).any():
+        raise ValueError("VTK finds no points within triquadratic pyramids: divide them into tetrahedra")
+    if on_cells and (types == CONVEX_POINT_SET).any():
+        raise ValueError("VTK can't tell the faces of convex point sets: divide them into tetrahedra")
+
+
+def straight(mesh: Any) -> Any:
+    """A vtkUnstructuredGrid of the same cells without their arrays, curved ones by their corners alone."""
+    from vtkmodules.util.numpy_support import numpy_to_vtk, numpy_to_vtkIdTypeArray, vtk_to_numpy
+    from vtkmodules.vtkCommonDataModel import vtkCellArray, vtkUnstructuredGrid
+
+    found = vtkUnstructuredGrid()
+    types = cell_types(mesh)
+    if not np.isin(types, list(CURVED)).any():
+        found.CopyStructure(mesh)
+        return found
+    cells = mesh.GetCells()
+    corners, offsets = vtk_to_numpy(cells.GetConnectivityArray()), vtk_to_numpy(cells.GetOffsetsArray())
+    linear = np.array([CURVED.get(kind, kind) for kind in range(256)], dtype=np.uint8)[types]
+    few = np.array([CORNERS.get(kind, 0) for kind in range(256)])[linear]
+    lengths = np.where(linear != types, few, np.diff(offsets))
+    within = np.arange(len(corners)) - np.repeat(offsets[:-1], np.diff(offsets))
+    kept = corners[within < np.repeat(lengths, np.diff(offsets))]
+    held = vtkCellArray()
+    held.SetData(
+        numpy_to_vtkIdTypeArray(np.append(0, np.cumsum(lengths)).astype(np.int64), deep=True),
+        numpy_to_vtkIdTypeArray(kept.astype(np.int64), deep=True),
+    )
+    found.SetPoints(mesh.GetPoints())
+    if (types == POLYHEDRON).any():
+        faces = mesh.GetPolyhedronFaceLocations(), mesh.GetPolyhedronFaces()
+        found.SetPolyhedralCells(numpy_to_vtk(linear, deep=True), held, *faces)
+    else:
+        found.SetCells(numpy_to_vtk(linear, deep=True), held)
+    return found
+
+
+def divided(mesh: Any) -> Any:
+    """The cells of a vtkUnstructuredGrid, some types as tetrahedra, with the array "vtkCell" of their numbers before."""
+    from vtkmodules.util.numpy_support import numpy_to_vtk
+    from vtkmodules.vtkFiltersCore import vtkAppendFilter
+    from vtkmodules.vtkFiltersGeneral import vtkDataSetTriangleFilter
+
+    numbers = numpy_to_vtk(np.arange(mesh.GetNumberOfCells(), dtype=np.int64), deep=True)
+    numbers.SetName("vtkCell")
+    mesh.GetCellData().AddArray(numbers)
+    many = np.isin(cell_types(mesh), DIVIDED)
+    if not many.any():
+        return mesh
+    tetrahedra = vtkDataSetTriangleFilter()
+    tetrahedra.SetInputData(extracted(mesh, many))
+    append = vtkAppendFilter()
+    append.AddInputConnection(tetrahedra.GetOutputPort())
+    if not many.all():
+        append.AddInputData(extracted(mesh, ~many))
+    append.Update()
+    return append.GetOutput()
+
+
+def extracted(mesh: Any, kept: NDArray[np.bool_]) -> Any:
+    """Some cells of a vtkUnstructuredGrid, with the points that they have."""
+    from vtkmodules.util.numpy_support import numpy_to_vtk
+    from vtkmodules.vtkCommonDataModel import vtkDataObject
+    from vtkmodules.vtkFiltersCore import vtkThreshold
+
+    mesh.GetCellData().RemoveArray("vtkGhostType")  # filters would act on it
+    flags = numpy_to_vtk(kept.astype(np.uint8), deep=True)
+    flags.SetName("vtkKept")
+    mesh.GetCellData().AddArray(flags)
+    threshold = vtkThreshold()
+    threshold.SetInputData(mesh)
+    threshold.SetInputArrayToProcess(0, 0, 0, vtkDataObject.FIELD_ASSOCIATION_CELLS, "vtkKept")
+    threshold.SetUpperThreshold(0.5)
+    threshold.SetThresholdFunction(vtkThreshold.THRESHOLD_UPPER)
+    threshold.Update()
+    return threshold.GetOutput()
+
+
+def centers(mesh: Any) -> NDArray[np.float64]:
+    """The parametric centre of each cell [C, 3]; of those that are divided the centroid."""
+    from vtkmodules.util.numpy_support import vtk_to_numpy
+    from vtkmodules.vtkFiltersCore import vtkCellCenters
+
+    filter_ = vtkCellCenters()
+    filter_.SetInputData(straight(mesh))
+    filter_.CopyArraysOff()
+    filter_.Update()
+    found = vtk_to_numpy(filter_.GetOutput().GetPoints().GetData()).astype(np.float64)
+    many = np.isin(cell_types(mesh), DIVIDED)
+    if many.any():
+        parts = divided(mesh)
+        owners = vtk_to_numpy(parts.GetCellData().GetArray("vtkCell"))
+        inside = many[owners]
+        cells = parts.GetCells()
+        corners, offsets = vtk_to_numpy(cells.GetConnectivityArray()), vtk_to_numpy(cells.GetOffsetsArray())
+        points = vtk_to_numpy(parts.GetPoints().GetData()).astype(np.float64)
+        four = points[corners[offsets[:-1][inside, None] + np.arange(4)]]  # [T, 4, 3]
+        volumes = np.abs(np.linalg.det(four[:, 1:] - four[:, :1]))  # [T]
+        sums = [np.bincount(owners[inside], volumes * x, len(found)) for x in four.mean(axis=1).T]
+        whole = np.bincount(owners[inside], volumes, len(found))
+        known = many & (whole > 0)
+        found[known] = np.stack(sums, axis=1)[known] / whole[known, None]
+    return found
+
+
+def add_places(mesh: Any, name: str) -> bool:
+    """Add the points' coordinates "vtkPlace" and the slopes "vtkSlope" of a point array; False where VTK needs no correction."""
+    from vtkmodules.vtkCommonDataModel import vtkDataObject
+    from vtkmodules.vtkFiltersGeneral import vtkGradientFilter
+
+    if not np.isin(cell_types(mesh), INEXACT).any():
+        return False
+    gradient = vtkGradientFilter()
+    gradient.SetInputData(mesh)
+    gradient.SetInputScalars(vtkDataObject.FIELD_ASSOCIATION_POINTS, name)
+    gradient.SetResultArrayName("vtkSlope")
+    gradient.Update()
+    mesh.GetPointData().AddArray(gradient.GetOutput().GetPointData().GetArray("vtkSlope"))
+    place = mesh.GetPoints().GetData().NewInstance()
+    place.DeepCopy(mesh.GetPoints().GetData())
+    place.SetName("vtkPlace")
+    mesh.GetPointData().AddArray(place)
+    return True
