@@ -10,14 +10,17 @@ import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
+from insitu.readers.fortran_numbers import respelled
 from insitu.readers.reader import Reader, Sampling, StoredState
 from insitu.readers.whole_files import check_whole, parts
 from insitu.readers.xml_files import LARGEST, parsed
 from render.cells import blocks, plain
 from render.datasets import chosen_array
 
+HEAD = 1 << 10  # bytes in which a legacy file says that it is text
 PICKLES = {".pkl", ".pickle"}  # which pyvista would run
 XDMF = {".xdmf", ".xmf", ".xdmf3"}
 XML = {".vthb", ".vtpc", ".htg", ".pvts", ".pvtp"}  # which pyvista does not know
@@ -70,12 +73,28 @@ def read(path: Path, array: str | None, index: tuple[int, ...] = (), sampling: S
                 warnings.warn(SEVERAL.format(path=path, count=len(source.times), first=source.times[0]), stacklevel=2)
             found = source.read(number)
     except ValueError as error:
+        with _respelled(path) as other:
+            if other is not None:
+                return read(other, array)
         raise _named(path, number, error) from error
     is_composite = found.IsA("vtkCompositeDataSet")
     held = [block for block in (blocks(found) if is_composite else [plain(found)]) if block is not None]
     if is_composite and not held:
         raise ValueError("it holds no block with cells")
     return _only(array, held, found) if array is not None else held[0] if len(held) == 1 else found
+
+
+@contextmanager
+def _respelled(path: Path) -> Iterator[Path | None]:
+    """A copy of a legacy text file with E in Fortran's exponents, of which VTK makes two numbers; None where there are none."""
+    text = path.read_bytes() if path.suffix.lower() == ".vtk" else b""
+    other = respelled(text) if b"ASCII" in text[:HEAD] else text
+    if other == text:
+        yield None
+        return
+    with TemporaryDirectory() as folder:
+        Path(folder, path.name).write_bytes(other)
+        yield Path(folder, path.name)
 
 
 def _named(path: Path, number: int, error: ValueError) -> ValueError:
@@ -242,6 +261,7 @@ def _time(said: Any) -> float:
 @contextmanager
 def reported() -> Iterator[None]:
     """Raise the first error or warning of VTK, of any reader within another one, as a ValueError; one thread at a time."""
+    import pyvista  # noqa: F401 - which takes VTK's messages itself when it is imported
     from vtkmodules.util.misc import calldata_type
     from vtkmodules.util.vtkConstants import VTK_STRING
     from vtkmodules.vtkCommonCore import vtkObject, vtkOutputWindow, vtkStringOutputWindow
