@@ -15,14 +15,13 @@ from typing import Any
 
 from insitu.readers.fortran_numbers import respelled
 from insitu.readers.reader import Reader, Sampling, StoredState
-from insitu.readers.whole_files import check_whole, parts
+from insitu.readers.whole_files import XDMF, check_whole, parts
 from insitu.readers.xml_files import LARGEST, parsed
 from render.cells import blocks, plain
 from render.datasets import chosen_array
 
 HEAD = 1 << 10  # bytes in which a legacy file says that it is text
 PICKLES = {".pkl", ".pickle"}  # which pyvista would run
-XDMF = {".xdmf", ".xmf", ".xdmf3"}
 XML = {".vthb", ".vtpc", ".htg", ".pvts", ".pvtp"}  # which pyvista does not know
 LISTS = {".pvd", ".series"}
 TIMED = {*XDMF, *LISTS, ".e", ".ex2", ".exii", ".exo", ".case", ".encas", ".foam", ".cgns", ".vtkhdf"}

@@ -12,11 +12,13 @@ from pathlib import Path
 
 from insitu.readers.arrays import check_room
 from insitu.readers.legacy_vtk import check_legacy
+from insitu.readers.xdmf_sizes import check_sizes
 from insitu.readers.xml_files import LARGEST
 
 HEADER = 1 << 16  # bytes in which a file says how large it is
 TAIL = 1 << 10  # bytes in which an XML file ends
 DEEPEST = 8  # files that name files
+XDMF = {".xdmf", ".xmf", ".xdmf3"}
 XML = re.compile(r"\.p?vt[ircsupmt]|\.vtmb|\.vthb?|\.vtp[cd]|\.pvd|\.htg")
 INDEXES = re.compile(r"\.pvt[irsupt]|\.vtmb?|\.vthb?|\.vtp[cd]")
 PART = re.compile(rb"<(?:\w*Piece|DataSet)\b[^>]*?\b(?:Source|file)\s*=\s*[\"']([^\"']+)[\"']")
@@ -47,6 +49,8 @@ def check_whole(path: Path, depth: int = 0) -> None:
         _check_nrrd(path, head)
     elif suffix in (".mhd", ".mha"):
         _check_meta(path, head)
+    elif suffix in XDMF:
+        check_sizes(path)
     elif XML.fullmatch(suffix):
         _check_end(path)
     for part in parts(path) if depth < DEEPEST else ():
