@@ -71,7 +71,8 @@ class StoredArray:
 
         Raises ValueError where they can't be read or have no room in memory.
         """
-        check_room(int(np.prod(self.shape[len(index) :], dtype=np.float64)) * max(4, self.dtype.itemsize), repr(self))
+        size = max(8 if {"scale_factor", "add_offset"} & set(self.attrs) else 4, self.dtype.itemsize)
+        check_room(int(np.prod(self.shape[len(index) :], dtype=np.float64)) * size, repr(self))
         try:
             values = np.asarray(self.fetch(index))
         except (OSError, KeyError, RuntimeError, ValueError) as error:
@@ -261,6 +262,7 @@ def _refuse_outside(file: h5py.File) -> None:
 @contextmanager
 def _netcdf(path: Path) -> Iterator[Arrays]:
     unfilled: set[str] = set()
+    ragged: set[str] = set()
     if is_classic(path):
         if read_header(path).version == 5:  # which the netCDF library alone reads
             with open_classic(path) as arrays:
@@ -272,8 +274,8 @@ def _netcdf(path: Path) -> Iterator[Arrays]:
         if h5py.is_hdf5(path):
             with h5py.File(path, "r") as file:
                 _refuse_outside(file)
-                unfilled = _unfilled(file)
-        groups = xarray.open_groups(path, engine="h5netcdf", **AS_STORED)
+                unfilled, ragged = _peculiar(file)
+        groups = xarray.open_groups(path, engine="h5netcdf", drop_variables=sorted(ragged), **AS_STORED)
     with _of_xarray(groups) as arrays:
         filled = {n: replace(a, default_fill=n not in unfilled) for n, a in arrays.arrays.items()}
         yield Arrays(filled, arrays.attrs)
@@ -306,17 +308,23 @@ def _fetch(held: Any) -> Callable[[tuple[int, ...]], Any]:
     return lambda index: held[index] if index else held[...]
 
 
-def _unfilled(file: h5py.File) -> set[str]:
-    """Arrays of bytes without a fill value: netCDF has no default for these."""
-    found: set[str] = set()
+def _peculiar(file: h5py.File) -> tuple[set[str], set[str]]:
+    """Paths of arrays of bytes without a fill value, for which netCDF has no default, and names of arrays of rows that differ
+    in length, which xarray does not read.
+    """
+    unfilled: set[str] = set()
+    ragged: set[str] = set()
 
     def visit(name: str, held: Any) -> None:
-        if isinstance(held, h5py.Dataset) and held.dtype.itemsize == 1:
-            defined = held.id.get_create_plist().fill_value_defined()
-            found.update([name] if defined != h5py.h5d.FILL_VALUE_USER_DEFINED else [])
+        if isinstance(held, h5py.Dataset):
+            if h5py.check_vlen_dtype(held.dtype) not in (None, str, bytes):
+                ragged.add(name.rpartition("/")[2])
+            elif held.dtype.itemsize == 1:
+                defined = held.id.get_create_plist().fill_value_defined()
+                unfilled.update([name] if defined != h5py.h5d.FILL_VALUE_USER_DEFINED else [])
 
     file.visititems(visit)
-    return found
+    return unfilled, ragged
 
 
 @contextmanager

@@ -182,3 +182,18 @@ def test_packed_coordinates_are_unpacked_and_holes_in_them_refused(tmp_path: Pat
 def test_an_attribute_that_marks_nothing_is_told() -> None:
     with pytest.warns(UserWarning, match=r"t: valid_max 4\.5 does not fit int16"):
         assert decoded(np.arange(9, dtype="i2"), {"valid_max": 4.5}, "t").dtype == np.int16
+
+
+def test_arrays_of_other_types_do_not_hide_the_field(tmp_path: Path) -> None:
+    with netCDF4.Dataset(tmp_path / "a.nc", "w") as file:
+        for name, size in zip("zyx", SHAPE, strict=True):
+            file.createDimension(name, size)
+            file.createVariable(name, "f8", (name,))[:] = np.arange(size)
+        file.createVariable("t", "f4", ("z", "y", "x"))[:] = 1.5
+        pair = file.createCompoundType(np.dtype([("re", "f4"), ("im", "f4")]), "pair")
+        file.createVariable("compound", pair, ("z", "y", "x"))
+        file.createVariable("ragged", file.createVLType("f4", "row"), ("z",))[0] = np.arange(3, dtype="f4")
+        file.createVariable("word", str, ("z",))[:] = np.array(["a", "b", "c"], object)
+    assert (read_data(tmp_path / "a.nc").values == 1.5).all()
+    with pytest.raises(ValueError, match=r"array 'compound' must hold real numbers"):
+        read_data(tmp_path / "a.nc", array="compound")
