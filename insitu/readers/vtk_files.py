@@ -198,11 +198,12 @@ def _pyvista_reader(path: Path) -> Any:
     suffix = path.suffix.lower()
     if suffix not in XDMF | XML:
         return _known_to_pyvista(path)
+    from vtkmodules import vtkIOXML as io
     from vtkmodules.vtkIOXdmf2 import vtkXdmfReader
-    from vtkmodules.vtkIOXML import vtkXMLGenericDataObjectReader, vtkXMLPartitionedDataSetCollectionReader
 
-    kinds = {**dict.fromkeys(XDMF, vtkXdmfReader), ".vtpc": vtkXMLPartitionedDataSetCollectionReader}
-    reader: Any = kinds.get(suffix, vtkXMLGenericDataObjectReader)()
+    named = {".vtpc": io.vtkXMLPartitionedDataSetCollectionReader, ".htg": io.vtkXMLHyperTreeGridReader}
+    kinds: dict[str, Any] = {**dict.fromkeys(XDMF, vtkXdmfReader), **named}
+    reader = kinds.get(suffix, io.vtkXMLGenericDataObjectReader)()
     reader.SetFileName(str(path))
     return reader
 

@@ -239,3 +239,42 @@ def test_a_running_simulation_is_followed_until_sigterm(tmp_path: Path) -> None:
     assert "2 members" in told
     assert "the same command goes on" in noted
     assert check(path) == []
+
+
+@pytest.mark.parametrize("suffix", [".vtk", ".vti", ".xdmf"])
+def test_a_dump_that_is_cut_is_not_taken_until_it_is_whole(tmp_path: Path, suffix: str) -> None:
+    import h5py
+    import pyvista
+
+    values = blob(0.5)
+    image = pyvista.ImageData(dimensions=values.shape[::-1], spacing=SPACING)
+    image["t"] = values.ravel()
+    path, cut = tmp_path / f"dump_0.5{suffix}", tmp_path / f"dump_0.5{suffix}"
+    if suffix == ".xdmf":
+        cut = tmp_path / "a.h5"
+        with h5py.File(cut, "w") as file:
+            file["t"] = values
+        nz, ny, nx = values.shape
+        item = '<DataItem Dimensions="{}" Format="{}">{}</DataItem>'
+        path.write_text(
+            f'<Xdmf Version="2.0"><Domain><Grid><Topology TopologyType="3DCoRectMesh" Dimensions="{nz} {ny} {nx}"/>'
+            f'<Geometry GeometryType="ORIGIN_DXDYDZ">{item.format(3, "XML", "0 0 0")}{item.format(3, "XML", "1 1 1")}</Geometry>'
+            f'<Attribute Name="t" Center="Node">{item.format(f"{nz} {ny} {nx}", "HDF", "a.h5:/t")}</Attribute>'
+            "</Grid></Domain></Xdmf>"
+        )
+    else:
+        image.save(path)
+    whole = cut.read_bytes()
+    cut.write_bytes(whole[: int(0.8 * len(whole))])
+    how = WatchOptions(tmp_path, f"dump_{{w}}{suffix}", settle=0.0, patience=0.2, until_idle=0.2)
+    first = watch_folder(
+        tmp_path / "a.cdb", how, replace(ENSEMBLE, location=FieldLocation()), OPTIONS, executor=AtOnce()
+    )
+    assert not first.done
+    assert path.name in next(iter(first.failures.values()))
+    assert not (tmp_path / "a.cdb").exists()
+    cut.write_bytes(whole)
+    again = watch_folder(
+        tmp_path / "a.cdb", how, replace(ENSEMBLE, location=FieldLocation()), OPTIONS, executor=AtOnce()
+    )
+    assert len(again.done) == 1
