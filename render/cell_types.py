@@ -18,6 +18,7 @@ CURVED = {  # the linear type on the first points of each: quadratic, Lagrange a
     **dict.fromkeys((27, 37), 14),
 }
 CORNERS = {10: 4, 12: 8, 13: 6, 14: 5}
+FIXED = (*range(10, 17), *range(24, 28), 29, 31, 32, 33, 37)  # types whose number of points is known
 INEXACT = (24, 25, 26)  # VTK finds the place within these to a thousandth only
 
 
@@ -42,6 +43,31 @@ def check_types(mesh: Any, on_cells: bool) -> None:
         raise ValueError("VTK finds no points within triquadratic pyramids: divide them into tetrahedra")
     if on_cells and (types == CONVEX_POINT_SET).any():
         raise ValueError("VTK can't tell the faces of convex point sets: divide them into tetrahedra")
+
+
+def check_cells(mesh: Any) -> None:
+    """Raise ValueError where cells or arrays of a vtkUnstructuredGrid name or lack points: VTK would read memory of others."""
+    from vtkmodules.util.numpy_support import vtk_to_numpy
+    from vtkmodules.vtkCommonDataModel import vtkGenericCell
+
+    cells, count = mesh.GetCells(), mesh.GetNumberOfPoints()
+    if not mesh.GetNumberOfCells():
+        return
+    corners, offsets = vtk_to_numpy(cells.GetConnectivityArray()), vtk_to_numpy(cells.GetOffsetsArray())
+    lengths = np.diff(offsets)
+    if offsets[0] != 0 or offsets[-1] != len(corners) or (lengths < 0).any():
+        raise ValueError("the cells' offsets do not follow each other: the mesh is damaged")
+    faces = mesh.GetPolyhedronFaces()
+    for held in (corners, *([] if faces is None else [vtk_to_numpy(faces.GetConnectivityArray())])):
+        if len(held) and not 0 <= held.min() <= held.max() < count:
+            wrong = held.max() if held.max() >= count else held.min()
+            raise ValueError(f"cells have point {wrong}, of {count} points: the mesh is damaged")
+    cell, types = vtkGenericCell(), cell_types(mesh)
+    for kind in np.unique(types):
+        cell.SetCellType(int(kind))
+        fixed = cell.GetNumberOfPoints()
+        if kind in FIXED and (lengths[types == kind] != fixed).any():
+            raise ValueError(f"cells of type {kind} must have {fixed} points: the mesh is damaged")
 
 
 def straight(mesh: Any) -> Any:

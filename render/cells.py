@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from render.cell_types import cell_types, centers, extracted, straight
+from render.cell_types import cell_types, centers, check_cells, extracted, straight
 
 NO_CELLS = (
     1 | 8 | 16 | 32
@@ -119,6 +119,8 @@ def _appended(data: list[Any]) -> Any:
 
 def _present(data: Any) -> Any:
     """The volume cells of a data set but ghosts and hidden ones; the data set itself where it has no others."""
+    if data.IsA("vtkUnstructuredGrid"):
+        check_cells(data)
     absent = absent_cells(data, NO_CELLS)
     if data.IsA("vtkUnstructuredGrid"):
         flat = _flat(data)

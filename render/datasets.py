@@ -165,12 +165,17 @@ def chosen_array(data: Sequence[Any], array: str | None, who: str) -> tuple[str,
         listed = [sorted(name for name, on in every if on is which) for which in (False, True)]
         problem = "name the array to render" if array is None else f"no array {array!r}"
         raise ValueError(f"{problem}: {who} {_listed(*listed)}")
-    first = next(one for one in data if (name, on_cells) in _arrays(one))
-    components = (first.GetCellData() if on_cells else first.GetPointData()).GetArray(name).GetNumberOfComponents()
-    if components != 1:
-        raise ValueError(
-            f"array {name!r} has {components} components per sample: pass a scalar, such as the vector's magnitude"
-        )
+    for one in data:
+        held = (one.GetCellData() if on_cells else one.GetPointData()).GetArray(name)
+        if held is not None and held.GetNumberOfComponents() != 1:
+            raise ValueError(
+                f"array {name!r} has {held.GetNumberOfComponents()} components per sample: pass a scalar, such as the vector's "
+                "magnitude"
+            )
+        count = one.GetNumberOfCells() if on_cells else one.GetNumberOfPoints()
+        if held is not None and held.GetNumberOfTuples() != count:
+            what = "cells" if on_cells else "points"
+            raise ValueError(f"array {name!r} has {held.GetNumberOfTuples()} values for {count} {what}")
     return name, on_cells
 
 
