@@ -64,7 +64,7 @@ def ensemble(
         looks = Looks.of(catalog, scene, appearance, size, target_decibels)
         stored = ReadingOptions(**reading).open(sources, looks.given or looks.known)
         members = stored.members(validation, seed)
-        click.echo(str(stored))
+        click.echo(str(stored), err=True)
         if looks.scene is not None:
             members = looks.scene.assigned(members)
         elif not looks.given and not looks.known:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -78,10 +77,11 @@ def _read(sources: tuple[Path, ...], count: int, reading: ReadingOptions, nan: s
     if len(sources) == 1 and is_ensemble(first):
         stored = reading.open([str(first)])
         return pilots(stored, stored.members(), count, nan)
-    location = replace(reading.location, nan=nan)
-    how: dict[str, Any] = {"reader": reading.reader, "sampling": reading.sampling}
+    place = reading.location
+    how: dict[str, Any] = {"spacing": place.spacing, "origin": place.origin, "dims": place.dims, "nan": nan}
+    how |= {"reader": reading.reader, "sampling": reading.sampling}
     return {
-        array or "": {path.name: read_field(path, location, array=array, **how) for path in sources}
+        array or "": {path.name: read_field(path, array=array, **how) for path in sources}
         for array in arrays or (None,)
     }
 

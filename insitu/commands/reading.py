@@ -16,8 +16,8 @@ if TYPE_CHECKING:
     from insitu.ensembles.files import FileEnsemble
     from insitu.fields.location import FieldLocation
     from insitu.members.planning import PlanOptions
-    from insitu.readers.ensemble_file import StoredEnsemble
     from insitu.readers.reader import Sampling
+    from insitu.readers.stored import StoredEnsemble
     from insitu.readers.tables import MemberTable
 
 TABLES = {".csv", ".tsv", ".txt"}
@@ -105,8 +105,8 @@ class ReadingOptions:
         """
         from catalogs.vocabulary.appearance import shown_fields
         from insitu.fields.member_fields import check_names
-        from insitu.readers.ensemble_file import StoredEnsemble
         from insitu.readers.layout import FileMapping
+        from insitu.readers.stored import StoredEnsemble
 
         arrays = self.arrays or tuple(filter(None, shown_fields(shown)))
         if not self._is_one_store(sources):

@@ -93,7 +93,7 @@ class FileEnsemble:
 
     def members(self, validation: int = 0, seed: int = 0) -> tuple[PlannedMember, ...]:
         """All members; `validation` of the training ones, drawn by `seed`, are set aside."""
-        from insitu.readers.ensemble_file import with_validation
+        from insitu.readers.stored import with_validation
 
         planned = [PlannedMember(name, dict(row.parameters), row.split or "train") for name, row in self.rows.items()]
         return with_validation(planned, validation, seed)

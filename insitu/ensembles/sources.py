@@ -14,10 +14,10 @@ from insitu.ensembles.files import FileEnsemble
 from insitu.ensembles.function_source import HookedSource, Simulate, scripted
 from insitu.fields.field import Field
 from insitu.fields.location import FieldLocation
-from insitu.readers.ensemble_file import StoredEnsemble
 from insitu.readers.layout import FileMapping
 from insitu.readers.reader import Sampling
 from insitu.readers.states import members_of
+from insitu.readers.stored import StoredEnsemble
 from insitu.readers.tables import read_table
 from insitu.simulations import Simulation, simulation
 

@@ -34,17 +34,20 @@ READING = (ValueError, TypeError, OSError, EOFError, KeyError, RuntimeError, Mem
 
 def read_field(
     path: str | os.PathLike[str],
-    location: FieldLocation = FieldLocation(),  # noqa: B008 - frozen
     *,
     array: str | None = None,
+    spacing: Sequence[float] | None = None,
+    origin: Sequence[float] | None = None,
+    dims: Sequence[str] | None = None,
+    nan: str = "refuse",
     reader: str = "",
     sampling: Sampling = Sampling(),  # noqa: B008 - frozen
-    nan: str | None = None,
 ) -> Grid:
-    """The field stored in `path` as a grid; `nan` as in `to_grid`, by default that of `location`, else as in `read_data`."""
-    found = read_data(path, location, array=array, reader=reader, sampling=sampling)
+    """The field stored in `path` as a grid; `nan` as in `to_grid`, the other arguments as in `read_data` and `FieldLocation`."""
+    location = FieldLocation(spacing, origin, dims=dims, nan=nan)
+    stored = read_data(path, location, array=array, reader=reader, sampling=sampling)
     try:
-        return to_grid(found, nan=nan or location.nan, warn=False)
+        return to_grid(stored, nan=nan, warn=False)
     except (ValueError, TypeError) as error:
         raise ValueError(f"{path}: {error}") from error
 

@@ -98,7 +98,7 @@ def _begun(
             line("looking at the catalog, and how fast this machine is")
         run = begin(source, folder, wanted, elapsed=seconds_of_process, ranks=ranks)
     for text in opening(run) if is_told else ():
-        click.echo(text)
+        click.echo(text, err=True)
     return run
 
 
@@ -107,7 +107,7 @@ def _train(opened: OpenRun, ranks: Ranks) -> None:
 
     is_finished = ranks.by_first(lambda: _is_finished(opened))
     for text in _notes(opened, is_finished) if ranks.is_first else ():
-        click.echo(f"  {text}")
+        click.echo(f"  {text}", err=True)
     surrogate, opened = _trained(opened, ranks)  # which looks whether it is this one
     if not ranks.is_first:
         return

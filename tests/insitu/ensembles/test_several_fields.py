@@ -20,8 +20,8 @@ from catalogs.vocabulary.appearance import (
 from catalogs.vocabulary.scene import Scene
 from insitu.cli import main
 from insitu.ensembles.dataset import make_dataset
-from insitu.readers.ensemble_file import StoredEnsemble
 from insitu.readers.layout import FileMapping
+from insitu.readers.stored import StoredEnsemble
 from tests.support.hooked import blob, speed, tree
 from tests.support.scenes import scene
 

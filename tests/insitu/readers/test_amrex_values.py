@@ -11,7 +11,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from insitu.fields.location import FieldLocation
 from insitu.readers.files import read_data, read_field
 from insitu.readers.reader import Sampling
 from tests.support.amrex_files import boxes_of, write_plotfile
@@ -47,7 +46,7 @@ def test_covered_cells_are_holes(tmp_path: Path, kind: str, stored: float, share
     path = write_plotfile(tmp_path / "plt1", [level], [BOXES], kind=kind)
     found = read_data(path, array="rho").values
     assert np.array_equal(found, np.where(BALL, np.nan, values().astype(kind)), equal_nan=True)
-    grid = read_field(path, FieldLocation(nan="transparent"), array="rho")
+    grid = read_field(path, nan="transparent", array="rho")
     assert grid.holes is not None
     with pytest.raises(ValueError, match="NaN"):
         read_field(path, array="rho")

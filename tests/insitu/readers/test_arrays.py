@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from insitu.readers.arrays import open_arrays
-from insitu.readers.ensemble_file import StoredEnsemble
+from insitu.readers.stored import StoredEnsemble
 
 FIELD = np.random.default_rng(0).random((3, 4, 4, 4)).astype(np.float32)
 

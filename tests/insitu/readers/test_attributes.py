@@ -11,8 +11,8 @@ import pytest
 
 from insitu.readers.arrays import open_arrays
 from insitu.readers.attributes import auxiliaries
-from insitu.readers.ensemble_file import StoredEnsemble
 from insitu.readers.files import read_data
+from insitu.readers.stored import StoredEnsemble
 
 netCDF4 = pytest.importorskip("netCDF4")
 pytest.importorskip("xarray")

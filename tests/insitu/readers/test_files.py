@@ -15,7 +15,6 @@ import h5py
 import numpy as np
 import pytest
 
-from insitu.fields.location import FieldLocation
 from insitu.readers.files import read_field
 
 
@@ -27,7 +26,7 @@ def test_npy_and_vtk_hold_the_same(tmp_path: Path) -> None:
     mesh = pyvista.ImageData(dimensions=(6, 5, 4), spacing=(1.0, 2.0, 3.0))
     mesh["pressure"], mesh["other"] = values.ravel(), values.ravel() + 1
     mesh.save(tmp_path / "a.vti")
-    first = read_field(tmp_path / "a.npy", FieldLocation(spacing=(1.0, 2.0, 3.0)))
+    first = read_field(tmp_path / "a.npy", spacing=(1.0, 2.0, 3.0))
     second = read_field(tmp_path / "a.vti", array="pressure")
     assert np.array_equal(first.values, values)
     assert np.array_equal(second.values, values)
@@ -42,7 +41,7 @@ def test_a_wrong_file_is_named(tmp_path: Path, name: str) -> None:
     else:
         path.write_text("no field at all")
     with pytest.raises(ValueError, match=name.replace(".", r"\.")):
-        read_field(path, FieldLocation(spacing=(1.0, 1.0, 1.0) if path.suffix == ".npy" else None))
+        read_field(path, spacing=(1.0, 1.0, 1.0) if path.suffix == ".npy" else None)
 
 
 def test_a_pipe_is_no_file(tmp_path: Path) -> None:
@@ -145,7 +144,7 @@ def test_meshes_and_blocks_are_sampled(tmp_path: Path, name: str, array: str | N
 def test_axes_may_stand_in_another_order(tmp_path: Path, suffix: str) -> None:
     np.save(tmp_path / "a.npy", VALUES.transpose(2, 1, 0))
     np.savez(tmp_path / "a.npz", VALUES.transpose(2, 1, 0))
-    grid = read_field(tmp_path / f"a{suffix}", FieldLocation(dims=("x", "y", "z"), **PLACE))
+    grid = read_field(tmp_path / f"a{suffix}", dims=("x", "y", "z"), **PLACE)
     assert np.array_equal(grid.values, VALUES)
     assert grid.spacing == PLACE["spacing"]
 

@@ -11,8 +11,8 @@ import h5py
 import numpy as np
 import pytest
 
-from insitu.readers.ensemble_file import StoredEnsemble
 from insitu.readers.layout import FileMapping
+from insitu.readers.stored import StoredEnsemble
 from render import to_grid
 
 COUNT, SHAPE = 6, (4, 5, 6)

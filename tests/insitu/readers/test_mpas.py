@@ -13,7 +13,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from insitu.fields.location import FieldLocation
 from insitu.readers.files import read_data, read_field
 from insitu.readers.mpas import recognizes
 from insitu.readers.reader import Sampling
@@ -145,7 +144,7 @@ def test_land_is_left_out_of_the_picture_if_asked(tmp_path: Path) -> None:
     path = output(tmp_path, sphere())
     with pytest.raises(ValueError, match=r'values are NaN or infinite, .* pass nan="transparent"'):
         read_field(path, array="temperature")
-    grid = read_field(path, FieldLocation(nan="transparent"), array="temperature")
+    grid = read_field(path, nan="transparent", array="temperature")
     assert grid.holes is not None
     assert grid.notes == ()
     low, high = grid.bounds

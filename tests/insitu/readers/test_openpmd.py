@@ -14,7 +14,6 @@ from hypothesis import given, settings
 
 from catalogs.store.catalog import Catalog
 from insitu.cli import main
-from insitu.fields.location import FieldLocation
 from insitu.readers.codes import reader_of
 from insitu.readers.files import read_data, read_field
 from insitu.readers.openpmd import READER
@@ -46,9 +45,9 @@ def test_axes_are_those_of_the_labels(
     assert np.array_equal(grid.values, field())
     assert grid.spacing == (1.0, 2.0, 3.0)
     assert grid.origin == (10.5, 20.0, 30.75)
-    assert np.array_equal(read_field(path, FieldLocation(spacing=(1, 2, 3))).values, grid.values)
+    assert np.array_equal(read_field(path, spacing=(1, 2, 3)).values, grid.values)
     with pytest.raises(ValueError, match=r"leave spacing out; this one has spacing \(1.0, 2.0, 3.0\)"):
-        read_field(path, FieldLocation(spacing=(1, 2, 4)))
+        read_field(path, spacing=(1, 2, 4))
 
 
 def test_lengths_times_and_values_are_in_si_units(tmp_path: Path) -> None:

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from insitu.commands.reading import ReadingOptions
-from insitu.readers.ensemble_file import StoredEnsemble
 from insitu.readers.reader import Sampling
 from insitu.readers.states import states_of
+from insitu.readers.stored import StoredEnsemble
 from insitu.readers.tables import TableRow
 
 xarray = pytest.importorskip("xarray")

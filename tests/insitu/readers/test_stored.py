@@ -9,7 +9,7 @@ import h5py
 import numpy as np
 import pytest
 
-from insitu.readers.ensemble_file import StoredEnsemble
+from insitu.readers.stored import StoredEnsemble
 
 
 def write(path: Path, **changes: Any) -> np.ndarray:
