@@ -42,6 +42,7 @@ def _joined(plugged: tuple[tuple[str, object], ...]) -> tuple[Reader, ...]:
             joined[reader.name] = replace(reader, recognizes=_Recognition(name, reader.recognizes))
             continue
         plugins.leave_out(name, plugins.package_of(name, plugins.READERS), plugins.READERS, problem)
+    joined[vtk_files.READER.name] = joined.pop(vtk_files.READER.name)  # whose formats others' files may be of, too
     return tuple(joined.values())
 
 

@@ -141,6 +141,14 @@ def test_a_reader_that_cannot_tell_files_is_left_out_and_named_once(
     assert "Error: " in named.output  # what `read` gives is no field
 
 
+def test_a_reader_goes_before_vtk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    with_their_reader(tmp_path, monkeypatch, recognizes="return path.suffix == '.xdmf'")
+    (tmp_path / "a.xdmf").touch()
+    found = reader_of(tmp_path / "a.xdmf")
+    assert found is not None
+    assert found.name == "theirs"
+
+
 @pytest.mark.parametrize(
     ("parts", "sentence"),
     [
