@@ -35,14 +35,14 @@ DEPTH = r"dep|depth\w*|z_[tw](_\w+)?|(st|sw)_(ocean|edges_ocean)|nav_lev|olevel"
 LEVELS_OF_PRESSURE = r"plevs?\d*|pres|pressure(_?levels?)?|isobaric\w*|[pi]full|phalf"
 NAMES = {
     "x": re.compile(
-        rf"x|xc|x_c|i|nx|ni|nlon|easting|{LONGITUDE}|xi(_\w+)?|west_east(_stag)?|x[hq]|x[tu]_ocean|grid_xt?|x_?\d"
+        rf"x|x_?[cfhqtuvw]|i|nx|ni|nlon|easting|{LONGITUDE}|xi(_\w+)?|west_east(_stag)?|x[tu]_ocean|grid_xt?|x_?\d"
     ),
     "y": re.compile(
-        rf"y|yc|y_c|j|ny|nj|nlat|northing|{LATITUDE}|eta(_\w+)?|south_north(_stag)?|y[hq]|y[tu]_ocean|grid_yt?|y_?\d"
+        rf"y|y_?[cfhqtuvw]|j|ny|nj|nlat|northing|{LATITUDE}|eta(_\w+)?|south_north(_stag)?|y[tu]_ocean|grid_yt?|y_?\d"
     ),
     "z": re.compile(
-        rf"z|zc|z_c|k|nz|nk|[im]?lev(el)?s?_?\d*|{DEPTH}|{LEVELS_OF_PRESSURE}|height(_?\d)?|altitude|alt|elevation|z_?\d|z_?lev"
-        r"|z[li]|z_[li]|s_(rho|w)|sc_[rw]|sigma\w*|siglay|siglev|hybrid\w*|bottom_top(_stag)?|model_?level\w*|generalvertical\w*"
+        rf"z|z_?[cfhiltuw]|k|nz|nk|[im]?lev(el)?s?_?\d*|{DEPTH}|{LEVELS_OF_PRESSURE}|height(_?\d)?|altitude|alt|elevation|z_?\d|z_?lev"
+        r"|s_(rho|w)|sc_[rw]|sigma\w*|siglay|siglev|hybrid\w*|bottom_top(_stag)?|model_?level\w*|generalvertical\w*"
     ),
 }
 
@@ -99,9 +99,13 @@ def points_down(name: str, attributes: Mapping[str, Any], values: NDArray[Any] |
 
 def unit_of(name: str, attributes: Mapping[str, Any]) -> str:
     """The unit of an axis, "degrees" for all of longitude and latitude, a length as `METRES` has it; "" where unknown."""
-    unit = _text(attributes, "units")
+    unit, standard = _text(attributes, "units"), _text(attributes, "standard_name")
+    if not unit and re.fullmatch(r"(grid_)?(longitude|latitude)", standard):
+        return "degrees"
     if DEGREES.fullmatch(unit) or (not unit and re.fullmatch(f"{LONGITUDE}|{LATITUDE}", name.lower())):
         return "degrees"
+    if not unit and (standard.endswith("pressure") or re.fullmatch(LEVELS_OF_PRESSURE, name.lower())):
+        return "pressure"
     length = LENGTH.fullmatch(unit)
     return f"{(length[1] or '')[:1]}m" if length else unit
 

@@ -32,7 +32,7 @@ from insitu.readers.attributes import (
     table_of,
     wanted_array,
 )
-from render.coordinates import letter_of
+from render.coordinates import AXES, letter_of
 
 FIELD = "field"  # what our own layout calls its fields, parameters and splits
 TABLES = ("params", "parameters", "param", "theta", "inputs", "design", "samples")
@@ -225,10 +225,11 @@ def _is_single(array: StoredArray, count: int) -> bool:
 def _along_members(array: StoredArray, field: StoredArray) -> bool:
     """True if the one axis of `array` may be the members', as far as axes have names."""
     named, other = (field.dims or ("",))[0], (array.dims or ("",))[0]
-    stems = set(field.dims[-3:])
-    return (other == named if named else not other) or (
-        not named and not any(letter_of(stem, {}) or stem in stems for stem in (other, array.stem))
-    )
+    if named:
+        return other == named
+    if other:
+        return not any(letter_of(stem, {}) or stem in field.dims[-3:] for stem in (other, array.stem))
+    return array.stem not in AXES or array.shape[0] not in field.shape[-3:]  # else it may be a coordinate
 
 
 def _lead_coordinates(arrays: Arrays, mapped: FileMapping, field: StoredArray) -> list[list[StoredArray]]:

@@ -33,6 +33,7 @@ CODES = {
     "ICON": ("height_2", "lat", "lon", False),
     "HYCOM": ("Depth", "Latitude", "Longitude", True),
     "plain": ("k", "j", "i", False),
+    "staggered": ("zw", "yf", "x_u", False),
 }
 
 
@@ -96,7 +97,8 @@ def test_units_of_one_kind_are_one() -> None:
     assert [unit_of("a", {"units": u}) for u in ("metres", "meter", "M", "km", "kilometers", "hPa")] == [
         *("m", "m", "m", "km", "km", "hpa")
     ]
-    assert (unit_of("lon", {}), unit_of("x", {})) == ("degrees", "")
+    assert (unit_of("lon", {}), unit_of("x", {}), unit_of("plev", {})) == ("degrees", "", "pressure")
+    assert unit_of("x", {"standard_name": "grid_longitude"}) == "degrees"
 
 
 def field(z: Any, y: Any = None, x: Any = None, **attributes: dict[str, str]) -> Any:

@@ -18,7 +18,7 @@ from insitu.readers.tables import TableRow
 xarray = pytest.importorskip("xarray")
 
 TIMES = [0.0, 0.5, 1.0]
-SIZES = {"z": 4, "y": 5, "x": 6}
+SIZES = {"z": 3, "y": 5, "x": 6}
 
 
 def field(run: int, times: int = len(TIMES)) -> np.ndarray:
@@ -43,8 +43,8 @@ def write(path: Path, run: int, **how: Any) -> None:
         made.to_zarr(path, consolidated=False)
     else:
         with h5py.File(path, "w") as file:
-            file["q"], file["time"] = made["q"].values, made["time"].values
-            file.attrs["spacing"] = [1.0, 1.0, 1.0]
+            for name in ("q", "time", *SIZES):
+                file[name] = made[name].values
 
 
 @pytest.mark.parametrize("suffix", ["nc", "h5", "zarr"])
@@ -93,7 +93,7 @@ def test_files_of_one_time_each_are_as_before(tmp_path: Path) -> None:
 
 
 def test_a_field_that_does_not_change_is_read_at_every_time(tmp_path: Path) -> None:
-    mask = (tuple(SIZES), np.arange(120.0).reshape(4, 5, 6))
+    mask = (tuple(SIZES), np.arange(90.0).reshape(3, 5, 6))
     for run in (1, 2):
         write(tmp_path / f"run_{run}.nc", run, mask=mask)
     source = ReadingOptions(arrays=("q", "mask")).open([f"{tmp_path}/run_{{Re}}.nc"])
