@@ -12,6 +12,7 @@ from pathlib import Path
 
 from insitu.readers.arrays import check_room
 from insitu.readers.legacy_vtk import check_legacy
+from insitu.readers.netcdf import is_classic, read_header
 from insitu.readers.xdmf_sizes import check_sizes
 from insitu.readers.xml_files import LARGEST
 
@@ -53,6 +54,8 @@ def check_whole(path: Path, depth: int = 0) -> None:
         check_sizes(path)
     elif XML.fullmatch(suffix):
         _check_end(path)
+    elif is_classic(path):  # Exodus
+        read_header(path)
     for part in parts(path) if depth < DEEPEST else ():
         if not part.is_file():
             raise ValueError(f"there is no file {part.name}, which it names")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Callable
 from pathlib import Path
 
@@ -14,7 +15,7 @@ import pyvista
 import vtk
 
 from insitu.commands.reading import ReadingOptions
-from insitu.readers.files import read_field
+from insitu.readers.files import read_data, read_field
 from render.datasets import to_grid
 
 COUNTS = (6, 5, 4)
@@ -182,6 +183,17 @@ def test_one_field_of_a_file_is_that_of_its_first_time_and_says_so(tmp_path: Pat
     with pytest.warns(UserWarning, match=r"holds 3 times, of which the first, 0, is taken"):
         grid = read_field(path, array="t")
     np.testing.assert_allclose(grid.values, values(0), atol=1e-2)
+
+
+@pytest.mark.parametrize("kind", ["exodus", "hdf", "xdmf", "collection", "series"])
+def test_one_that_is_cut_is_refused_wherever_it_ends(tmp_path: Path, kind: str) -> None:
+    path = MAKE[kind](tmp_path)
+    cut = {"xdmf": tmp_path / "a.h5", "collection": tmp_path / "0.vti", "series": tmp_path / "0.vti"}.get(kind, path)
+    whole = cut.read_bytes()
+    for share in (0.1, 0.5, 0.8, 0.95, 0.99):
+        cut.write_bytes(whole[: int(share * len(whole))])
+        with pytest.raises(ValueError, match=re.escape(str(path))):
+            read_data(path, array="t", index=(0,))
 
 
 @pytest.mark.parametrize("count", [2, 3])
