@@ -22,6 +22,7 @@ import shutil
 import signal
 import socket
 import stat
+import tempfile
 import time
 from collections.abc import Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
@@ -92,6 +93,16 @@ def read(path: Path) -> bytes:
 def write(path: Path, data: bytes) -> None:
     """Write `data` to a new or existing file, neither synced nor atomic: for files nobody reads yet."""
     _put(path, "wb", data)
+
+
+def require_writable(folder: Path) -> None:
+    """Raise OSError where no file can be written into a folder, which is there or made."""
+    make_folder(folder)
+    try:
+        with tempfile.TemporaryFile(dir=folder) as file:
+            file.write(bytes(BLOCK))
+    except OSError as error:
+        raise OSError(error.errno, f"nothing can be written there: {error.strerror}", str(folder)) from None
 
 
 def append(path: Path, data: bytes) -> None:

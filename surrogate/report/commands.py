@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator, Mapping
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 import click
 
 from catalogs.commands import one_line_errors
+from catalogs.files import durable
 from catalogs.progress import ProgressLine
 from surrogate.command_line import RUNS, SCENE, OpenRun, load_surrogate
 
@@ -47,7 +49,10 @@ def evaluate(scene: Path, runs: Path, records: Path | None) -> None:
     from surrogate.evaluation.evaluate import evaluate as run
 
     started, begun = time.perf_counter(), time.process_time()
+    import_module("matplotlib")  # which draws the figures at the end
     with one_line_errors(interrupted="no report was written; run the same command to start again"):
+        for folder in {opened.folder, kept[0]}:
+            durable.require_writable(folder)
         with ProgressLine() as line:
             evaluation = run(surrogate, opened.catalog, progress=line.count)
         seconds, judged = _dataset_seconds(opened.folder), (surrogate, opened.catalog, evaluation)

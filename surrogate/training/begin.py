@@ -16,9 +16,9 @@ from surrogate.storage import models
 from surrogate.storage.checkpoints import CHECKPOINT, fingerprint, locked
 from surrogate.storage.runs import BESIDE, RunFolder, RunRecord, path_between, seen_by_run, with_chosen_splits
 from surrogate.training.budget import MINUTES, STEP_KEYS, Budget, budgeted
-from surrogate.training.content import require_content
 from surrogate.training.pace import Clock
 from surrogate.training.ranks import ALONE, Ranks
+from surrogate.training.requirements import require_possible
 from surrogate.training.source import Source
 
 MOST_CALMED = 3  # times that a training which diverged begins anew
@@ -92,7 +92,7 @@ def begin(
         return RunFolder(folder, existing)
     first = TrainingSettings.from_table(options.settings)
     seen = with_chosen_splits(catalog, first, options.hold_out, first.seed)
-    require_content(Source(first, seen, ranks))  # each says what can't be learnt
+    require_possible(Source(first, seen, ranks), folder)
     ranks.by_first(lambda: folder.mkdir(parents=True, exist_ok=True))
     try:
         with ExitStack() as locks:

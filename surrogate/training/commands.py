@@ -121,15 +121,15 @@ def _train(opened: OpenRun, ranks: Ranks) -> None:
 
 
 def _notes(opened: OpenRun, is_finished: bool) -> Iterator[str]:
-    """Sentences on the catalog of a run; raises ValueError where nothing can be learnt from it."""
-    from surrogate.training.content import require_content
+    """Sentences on the catalog of a run; raises ValueError where it can't be learnt."""
     from surrogate.training.messages import starting, tests_line
+    from surrogate.training.requirements import require_possible
     from surrogate.training.source import Source
 
     if is_finished:
         return filter(None, [tests_line(opened.catalog)])
     source = Source(opened.settings, opened.catalog)
-    require_content(source)
+    require_possible(source, opened.folder)
     return starting(source)
 
 

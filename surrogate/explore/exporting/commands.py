@@ -110,6 +110,7 @@ def _write(folder: Path, output: Path, kinds: Sequence[str], options: Mapping[st
 
         run = Run.open(folder)
         request, expectation = from_options(options, kind, run), known(run)
+        durable.require_writable(output.parent)
         for sentence in extrapolations(request, run):
             click.echo(sentence, err=True)
         with ProgressLine() as line:

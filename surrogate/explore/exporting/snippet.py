@@ -59,11 +59,11 @@ def _unit_lines(setting: Setting, surrogate: Surrogate) -> list[str]:
 
 
 def _arguments(values: Mapping[str, float | str]) -> list[str]:
-    """Keyword arguments; those that are not valid names in Python as a mapping behind the others."""
+    """Keyword arguments of `Surrogate.at`; before them a mapping of the names that can't be one."""
     exact = {name: value if isinstance(value, str) else float(value) for name, value in values.items()}
-    odd = {name: value for name, value in exact.items() if not name.isidentifier() or keyword.iskeyword(name)}
+    odd = {n: v for n, v in exact.items() if not n.isidentifier() or keyword.iskeyword(n) or n == "outside"}
     plain = [f"{name}={value!r}" for name, value in exact.items() if name not in odd]
-    return [*plain, f"**{odd!r}"] if odd else plain
+    return [repr(odd), *plain] if odd else plain
 
 
 def _function_lines(setting: Setting, surrogate: Surrogate) -> list[str]:

@@ -77,7 +77,7 @@ def test_the_colours_stand_in_it_by_name(tmp_path: Path) -> None:
     assert "surrogate.under(function, p=0.3333333333333333).render(camera)" in program
 
 
-@pytest.mark.parametrize("name", ["Ω m", "lambda", "a'b\"", "Ω"])
+@pytest.mark.parametrize("name", ["self", "outside", "profile", "Ω m", "lambda", "a'b\"", "Ω"])
 def test_any_parameter_name_will_do(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     named: Surrogate = replace(plain(), space=ParameterSpace((Parameter(name, 0.0, 1.0),)))
     folder = tmp_path / 'it\'s a "run"'
