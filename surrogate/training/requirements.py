@@ -35,7 +35,7 @@ def _require_near(source: Source) -> None:
 
 
 def _require_memory(source: Source) -> None:
-    """Check the memory for all that is loaded at once: the images of the base appearance and of one variation, and all Gaussians."""
+    """Check for the images of the base appearance and of one variation, and for all Gaussians."""
     import psutil
 
     variations = [[s.appearance for s in variation.settings] for variation in source.variations]
