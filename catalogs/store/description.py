@@ -22,13 +22,13 @@ OPTIONAL = ("variations", "layout", "fields")
 RESTORE = "restore it from a copy, or from an empty catalog of the same scene"
 
 
-def check_place(path: Path, plan: CatalogPlan) -> None:
+def check_place(path: Path, plan: CatalogPlan | None) -> None:
     """Raise CatalogError where no catalog of this plan can be at `path`: another ending, or something else is there."""
     if path.suffix != ".cdb":
         raise CatalogError(f"a Cinema database is a folder whose name ends with .cdb, got {path}")
-    if path.is_dir():
+    if path.is_dir() and plan is not None:
         _refuse_foreign(path, cinema.format_rows([plan.header]).encode())
-    elif path.exists():
+    if path.exists() and not path.is_dir():
         raise CatalogError(f"{path} is a file, and a catalog is a folder: choose another path")
 
 

@@ -29,6 +29,11 @@ def named_values(values: Mapping[str, float]) -> str:
     return " ".join(f"{name}={text(value)}" for name, value in values.items())
 
 
+def plural(count: int, word: str) -> str:
+    """Such as "1 member" and "1,200 members"."""
+    return f"{count:,} {word}{'' if count == 1 else 's'}"
+
+
 def member_line(member: Any, shown: str) -> str:
     """One-line `__repr__` of a member: name, split, parameters, and the text `shown`."""
     return f"<{type(member).__name__} {member.name} ({member.split}): {named_values(member.parameters)}; {shown}>"

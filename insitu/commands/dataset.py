@@ -19,6 +19,7 @@ def dataset(scene: Path, runs: Path, workers: int | None, shard: str | None, eng
     """Make the data set of SCENE (a TOML file); goes on where it was interrupted."""
     with command() as line:
         from catalogs.vocabulary.scene import Scene
+        from catalogs.vocabulary.words import plural
         from insitu.ensembles.dataset import make_dataset
 
         loaded, how = Scene.load(scene), how_to_run(line, workers, shard)
@@ -26,6 +27,8 @@ def dataset(scene: Path, runs: Path, workers: int | None, shard: str | None, eng
             result = make_dataset(loaded, runs, **how, **where)
         fail_on(result.failures)
     if result.made:
-        click.echo(f"{result.catalog}: {result.members} members, {result.made} new, {result.seconds:.0f} s in all")
+        click.echo(
+            f"{result.catalog}: {plural(result.members, 'member')}, {result.made} new, {result.seconds:.0f} s in all"
+        )
     else:
         click.echo(f"{result.catalog}: nothing to do")

@@ -59,21 +59,26 @@ def ensemble(
     """
     with command() as line:
         from insitu.ensembles.ensemble import run_ensemble
+        from insitu.members.notes import Once, notes_on_ensemble
 
         how = how_to_run(line, workers, shard)
         looks = Looks.of(catalog, scene, appearance, size, target_decibels)
-        stored = ReadingOptions(**reading).open(sources, looks.given or looks.known)
-        members = stored.members(validation, seed)
+        options = ReadingOptions(**reading).as_in(looks.catalog.plan if looks.catalog else None)
+        stored = options.open(sources, looks.given or looks.known)
+        members = stored.members(validation, seed) if validation else looks.split_as_stored(stored.members())
         click.echo(str(stored), err=True)
+        looks.options(stored.space)  # its mistakes are found before a field is read
+        if looks.catalog is None:
+            Once(how["warn"]).say("", [*notes_on_ensemble(members, stored.space), *stored.notes])
         if looks.scene is not None:
             members = looks.scene.assigned(members)
         elif not looks.given and not looks.known:
             suggestions = [suggestion for _, suggestion in suggested(pilots(stored, members, 5, nan)).values()]
             click.echo("\n".join(suggestion.toml() for suggestion in suggestions))
             looks = replace(looks, given=tuple(suggestion.appearance for suggestion in suggestions))
-        options = looks.options(stored.space)
+        plan = looks.options(stored.space)
         with engine_at(line, engine, workers, catalog) as where:
-            result = run_ensemble(catalog, members, stored, options, nan=nan, existing=existing, **how, **where)
+            result = run_ensemble(catalog, members, stored, plan, nan=nan, existing=existing, **how, **where)
         line.close()
         click.echo(repr(result))
         fail_on(result.failures)

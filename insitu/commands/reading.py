@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
 if TYPE_CHECKING:
+    from catalogs.store.catalog import Catalog, CatalogPlan
     from catalogs.vocabulary.appearance import Appearance
     from catalogs.vocabulary.parameters import ParameterSpace
-    from catalogs.vocabulary.scene import Scene
+    from catalogs.vocabulary.scene import PlannedMember, Scene
     from insitu.ensembles.files import FileEnsemble
     from insitu.fields.location import FieldLocation
     from insitu.members.planning import PlanOptions
@@ -97,6 +98,27 @@ class ReadingOptions:
     resolution: tuple[int, int, int] | None = None
     interpolation: str = "nearest"
     mesh: Path | None = None
+
+    def as_in(self, plan: CatalogPlan | None) -> ReadingOptions:
+        """The options with those of an existing catalog where they are left out; of `insitu probe` and a new one as they are."""
+        if plan is None:
+            return self
+        source = plan.provenance.get("source", {})
+        one = (source["dataset"],) if "dataset" in source else ()
+        given = {name for name, *_ in self.bounds}
+        return replace(
+            self,
+            arrays=self.arrays or tuple(source.get("arrays") or source.get("datasets") or one),
+            bounds=(*self.bounds, *((p.name, p.low, p.high) for p in plan.space.parameters if p.name not in given)),
+            units=self.units or ",".join(p.unit for p in plan.space.parameters),
+            spacing=self.spacing or source.get("spacing"),
+            origin=self.origin or source.get("origin"),
+            dims=self.dims or ",".join(source.get("dims", ())),
+            resolution=self.resolution or source.get("resolution"),
+            interpolation=source.get("interpolation", self.interpolation)
+            if self.interpolation == "nearest"
+            else self.interpolation,
+        )
 
     def open(self, sources: Sequence[str], shown: Any = ()) -> StoredEnsemble | FileEnsemble:
         """The ensemble of a table, a pattern, a folder, one file or several; `shown` are the appearances that name its fields.
@@ -219,21 +241,33 @@ def listed(text: str | None) -> tuple[str, ...]:
 
 
 def pilots(source: Any, members: Any, count: int, nan: str, space: Any = None) -> dict[str, dict[str, Any]]:
-    """Grids by field and member of `count` members that lie far apart."""
+    """Grids by field and member of `count` members that lie far apart; up to as many that can't be read are passed over."""
     from insitu.ensembles.ensemble import pilot_members
     from render.datasets import to_grid
     from render.xarray_fields import is_labelled_set
 
     fields: dict[str, dict[str, Any]] = {}
-    for member in pilot_members(members, space or source.space, count):
+    failed: list[Exception] = []
+    for member in pilot_members(members, space or source.space, 2 * count):
+        if len(next(iter(fields.values()), {})) == count:
+            break
         click.echo(f"reading {member.name} {dict(member.parameters)}", err=True)
-        held = source.field(member, lambda fraction: None)
-        held = held if isinstance(held, dict) and not is_labelled_set(held) else {"": held}
-        for name, field in held.items():
+        try:
+            held = source.field(member, lambda fraction: None)
+        except (ValueError, OSError, RuntimeError) as error:
+            failed.append(error)
+            if len(failed) == count:
+                break
+            continue
+        for name, field in (held if isinstance(held, dict) and not is_labelled_set(held) else {"": held}).items():
             try:
                 fields.setdefault(name, {})[member.name] = to_grid(field, nan=nan, warn=False)
             except (TypeError, ValueError) as error:
                 raise ValueError(f"field {name!r} of {member.name}: {error}") from error
+    if not fields and failed:
+        raise failed[0]
+    for reason in failed:
+        click.echo(f"passed over: {reason}", err=True)
     return fields
 
 
@@ -256,12 +290,13 @@ class Looks:
 
     Attributes
     ----------
-    given, known : the appearances that a file or a scene states, () without; and those of the catalog, if it exists.
+    given : the appearances that a file or a scene states, () without.
+    catalog : the one that exists.
     """
 
     scene: Scene | None
     given: tuple[Appearance, ...]
-    known: tuple[Appearance, ...]
+    catalog: Catalog | None
     size: int | None
     target_decibels: float | None
 
@@ -272,14 +307,28 @@ class Looks:
         """The options of a command; raises ValueError for a scene with others beside it."""
         from catalogs.store.catalog import Catalog
         from catalogs.vocabulary.scene import Scene
+        from insitu.members.beginning import check_free
         from insitu.members.planning import appearances_from_toml, is_catalog
 
         if scene is not None and (appearance is not None or size is not None or target_decibels is not None):
             raise ValueError("a scene says how to render: leave out --appearance, --size and --target-decibels")
         loaded = None if scene is None else Scene.load(scene)
         given = appearances_from_toml(appearance) if appearance else loaded.appearances if loaded else ()
-        known = Catalog.open(catalog).plan.appearances if is_catalog(catalog) else ()
-        return cls(loaded, given, known, size, target_decibels)
+        made = Catalog.open(catalog) if is_catalog(catalog) else None
+        looks = cls(loaded, given, made, size, target_decibels)
+        if made is None:
+            check_free(catalog)
+        return looks
+
+    @property
+    def known(self) -> tuple[Appearance, ...]:
+        """The appearances of the catalog, if it exists."""
+        return () if self.catalog is None else self.catalog.plan.appearances
+
+    def split_as_stored(self, members: Sequence[PlannedMember]) -> tuple[PlannedMember, ...]:
+        """Members with the splits that the catalog has drawn for them, if it exists."""
+        stored = {} if self.catalog is None else {member.name: member.split for member in self.catalog.members}
+        return tuple(replace(member, split=stored.get(member.name, member.split)) for member in members)
 
     def options(self, space: ParameterSpace) -> PlanOptions:
         """The plan of a catalog of these parameters."""

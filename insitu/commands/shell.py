@@ -70,10 +70,14 @@ def engine_at(line: ProgressLine, address: str | None, workers: int | None, fold
 def fail_on(failures: Mapping[str, str]) -> None:
     """End the command with an error that tells why members failed, if any did."""
     if failures:
+        from catalogs.vocabulary.words import plural
         from insitu.ensembles.ensemble import failure_lines
 
         lines = "\n".join(failure_lines(failures))
-        raise click.ClickException(f"{len(failures)} members failed; the same command tries them again:\n{lines}")
+        them = "it" if len(failures) == 1 else "them"
+        raise click.ClickException(
+            f"{plural(len(failures), 'member')} failed; the same command tries {them} again:\n{lines}"
+        )
 
 
 @contextmanager

@@ -166,9 +166,10 @@ def _follow(
 def _report(line: ProgressLine, catalog: Path, failures: Mapping[str, str]) -> None:
     """Print the number of members; one stored just before the end does not count as a failure, although it was one earlier."""
     from catalogs.store.catalog import Catalog
+    from catalogs.vocabulary.words import plural
     from insitu.members.planning import is_catalog
 
     line.close()
     held = {path.name for path in Catalog.open(catalog).member_paths()} if is_catalog(catalog) else set()
-    click.echo(f"{catalog}: {len(held)} members")
+    click.echo(f"{catalog}: {plural(len(held), 'member')}")
     fail_on({name: why for name, why in failures.items() if name not in held})

@@ -20,7 +20,7 @@ from catalogs.store.missing import report_missing
 from catalogs.vocabulary.farthest import farthest_points
 from catalogs.vocabulary.parameters import ParameterSpace
 from catalogs.vocabulary.scene import PlannedMember
-from catalogs.vocabulary.words import shortened
+from catalogs.vocabulary.words import plural, shortened
 from insitu.ensembles.dumps import FieldSource, FileSource, MemberRun, runs_of
 from insitu.ensembles.progress import EnsembleProgress, Tracker
 from insitu.ensembles.tasks import DiskError, MemberOutcome, measure_pilots, reason_of, render_run
@@ -48,7 +48,7 @@ class EnsembleResult:
 
     def __repr__(self) -> str:
         images = sum(m.images for m in self.rendered)
-        parts = [f"{len(self.rendered)} members rendered ({images} images) in {self.seconds:.1f} s"]
+        parts = [f"{plural(len(self.rendered), 'member')} rendered ({plural(images, 'image')}) in {self.seconds:.1f} s"]
         if self.skipped:
             parts.append(f"{len(self.skipped)} were there already")
         if self.failures:
@@ -304,7 +304,7 @@ def _refuse_changed(path: Path, changed: Sequence[str]) -> None:
     if changed:
         raise ValueError(
             f"catalog {path} holds pictures of other contents of the files than they have now, of {counted_names(changed)}: "
-            'keep these (existing="skip"), render them anew ("replace"), or write to a new catalog'
+            "keep these (existing: skip), render them anew (replace), or write to a new catalog"
         )
 
 

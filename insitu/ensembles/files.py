@@ -13,7 +13,9 @@ import numpy as np
 from catalogs.store.plan import name_problem
 from catalogs.vocabulary.parameters import ParameterSpace
 from catalogs.vocabulary.scene import PlannedMember
+from catalogs.vocabulary.words import plural
 from insitu.fields.location import FieldLocation
+from insitu.members.notes import NO_SPACING
 from insitu.members.request import member_name
 from insitu.readers.codes import reader_of
 from insitu.readers.files import read_data
@@ -74,7 +76,7 @@ class FileEnsemble:
     def __repr__(self) -> str:
         shown = ", ".join(self.arrays) or "one array"
         count = len({row.path for row in self.rows.values()})
-        return f"FileEnsemble: {len(self)} members in {count} files of {shown}"
+        return f"FileEnsemble: {plural(len(self), 'member')} in {plural(count, 'file')} of {shown}"
 
     def __str__(self) -> str:
         return f"{self!r}\n  {self.space}"
@@ -83,6 +85,12 @@ class FileEnsemble:
     def fields(self) -> tuple[str, ...]:
         """The names of the fields that `field` returns; () where appearances name them."""
         return self.arrays
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What a user may have forgotten."""
+        plain = any(row.path.suffix == ".npy" for row in self.rows.values())
+        return (NO_SPACING,) if plain and self.location.spacing is None else ()
 
     @property
     def identity(self) -> Mapping[str, Any]:

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from catalogs.vocabulary.words import plural
 from render.datasets import to_grid
 
 SAMPLES = 200_000  # values kept per member: quantiles to about 0.1 %
@@ -48,11 +49,11 @@ class Probe:
 
     def __repr__(self) -> str:
         low, high = self.range
-        return f"Probe({len(self.names)} members, values {low:.6g} to {high:.6g}, median {self.quantile(0.5):.6g})"
+        return f"Probe({plural(len(self.names), 'member')}, values {low:.6g} to {high:.6g}, median {self.quantile(0.5):.6g})"
 
     def __str__(self) -> str:
         low, high = self.range
-        lines = [f"{len(self.names)} members, values {low:.6g} to {high:.6g}", "quantiles"]
+        lines = [f"{plural(len(self.names), 'member')}, values {low:.6g} to {high:.6g}", "quantiles"]
         lines += [f"  {100 * q:5.1f} %  {self.quantile(q):.6g}" for q in QUANTILES]
         inner_low, inner_high = self.quantile(QUANTILES[0]), self.quantile(QUANTILES[-1])
         if inner_low < inner_high:

@@ -65,54 +65,42 @@ def render_member(
 ) -> RenderedMember:
     """Render one member of an ensemble into a Cinema catalog; the field may be freed afterwards.
 
-    The first call makes the catalog and fixes its plan.  Later calls, from this process or another, may leave the plan's
-    arguments out, and must agree with the catalog where they state them.  A one-member `Session`.
+    A one-member `Session`: the first call fixes the plan, and later ones, from any process, may leave its arguments out.
 
     Parameters
     ----------
     field : numpy array (z, y, x), with `spacing`; a pyvista or VTK data set; or xarray's, taken by the names and coordinates
         of its axes; see `render.to_grid`.  Several fields are a mapping {name: array}, all of one shape, or a data set: every
-        appearance then names its own, `field="..."`.  A function of no arguments that returns one of these is called only
-        where the member is rendered.
-    parameters : the member's simulation parameters by name, in the units of `space`.  A value out of bounds is
-        rendered, with a warning that is also recorded.
+        appearance then names its own, `field="..."`.  A function that returns one of these is called only if it is needed.
+    parameters : the member's simulation parameters by name, in the units of `space`; others than its bounds with a warning.
     catalog : the `.cdb` directory.
     space : the ensemble's parameters, `{name: (low, high)}`, `{name: (low, high, unit)}`, `Parameter` objects, which have a
-        scale too, or a `ParameterSpace`; needed by the first call.
+        scale too, or a `ParameterSpace`; needed by the first call, as are `appearances`.
     fields : the name of the shown field and its unit, `{"Q": "1/s²"}`.  Of several, `{name: unit}` by the names that appearances
         give them, or `{name: Quantity(name, unit)}` to display another name.
-    appearances : transfer functions and isovalues, in the field's physical units; needed by the first call.
+    appearances : transfer functions and isovalues, in the field's physical units.
     views : viewpoints and frame, by default 252 on the icosphere at 256 x 256 pixels.
-    spacing, origin : of an array, (x, y, z), world units.
-    array : the array of a data set, where appearances name no field.
+    spacing, origin, array : (x, y, z) of an array, world units; the array of a data set, where appearances name no field.
     dims : an array's axes in its own order: ("x", "y", "z") for values [x, y, z]; by default (z, y, x), or as xarray's are called.
-    name : the member's name in the catalog, by default from its parameters.
-    split : "train", "validation" or "test".
+    name, split : the member's name in the catalog, by default from its parameters; "train", "validation" or "test".
     nan : "refuse" NaN and infinity, or show them "transparent".
-    target_decibels : PSNR that volume rendering must reach against a converged reference, by default 50 dB.
-    sample_distance : in its place the step of rays in world units, one for all or by appearance.
-    time : the simulation's time, recorded.  Where `space` has a parameter "time" (or "t"), it is that: every dump of a run is
-        a member.
+    target_decibels, sample_distance : PSNR that volume rendering must reach against a converged reference, by default 50 dB; or
+        in its place the step of rays in world units, one for all or by appearance.
+    time : the simulation's time, recorded.  Where `space` has a parameter "time" (or "t"), it is that: every dump is a member.
     existing : where the catalog has a member with these parameters, raise an "error", "skip" it, before the field is looked at,
         or "replace" it, atomically.
     on_error : "raise"; or "warn", and report the member missing (see `Session`).
     bounds : world box ((x, y, z), (x, y, z)) that the cameras surround, by default the first member's.
     variations : appearances that sample an isovalue or a transfer function to be explored freely (`insitu.isovalue_family`,
         `transfer_function_family`), or that are learnt beside a base (`field_variation`).
-    image_format : "png" (8 bits, the default) or "exr" (float32).
-    provenance : further JSON values to record in a new catalog.
-    progress, warn : as in `Session`.
-    comm, ghosts : of a field in blocks, one on each rank of an MPI communicator; see `Session` and its `render_member`.
+    image_format, provenance : "png" (8 bits, the default) or "exr" (float32); further JSON values to record in a new catalog.
+    progress, warn, comm, ghosts : as in `Session` and its `render_member`.
 
-    Memory: VTK and OpenGL take some 200 MB once.  Each call takes three times the field in float32 (samples, samples scaled to
-    the transfer function's range, texture), once each further field, and one image.  Where float32 does not
-    hold the field exactly, the samples take its own size: with float64 four times the field in float32.  Transparent values
-    take three quarters of it more.  All but the first is freed again.
+    Memory: VTK and OpenGL take some 200 MB once.  Each call takes three times the field in float32, four where that does not hold
+    it exactly (of its own size), once each further field, and one image; transparent values three quarters of it more.
 
-    Raises
-    ------
-    ValueError : the field, the parameters or the plan are not acceptable; nothing was written.
-    OSError : the disk is full or not writable; nothing of the member was kept.
+    Raises ValueError where the field, the parameters or the plan are not acceptable: nothing was written.  Raises OSError where
+    the disk is full or not writable: nothing of the member was kept.
     """
     of_session: Any = dict(arguments)
     of_member: Any = {name: of_session.pop(name) for name in OneMember.__annotations__ if name in of_session}

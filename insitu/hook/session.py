@@ -14,6 +14,7 @@ from catalogs.vocabulary.appearance import Appearance
 from catalogs.vocabulary.parameters import ParameterSpace
 from catalogs.vocabulary.scene import NAN, ViewPlan
 from catalogs.vocabulary.variations import Variation
+from catalogs.vocabulary.words import plural
 from insitu.background.process import Background, queue_length
 from insitu.background.queue import queue_member
 from insitu.fields.blocks import Blocks
@@ -129,7 +130,7 @@ class Session:
         self.close(at_once=kind is not None and issubclass(kind, KeyboardInterrupt))
 
     def __repr__(self) -> str:
-        members = "not made yet" if self.catalog is None else f"{len(self.catalog.member_paths())} members"
+        members = "not made yet" if self.catalog is None else plural(len(self.catalog.member_paths()), "member")
         missing = f", {len(self.failures)} missing" if self.failures else ""
         return f"Session({str(self.path)!r}, {members}{missing})"
 

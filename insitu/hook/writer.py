@@ -16,15 +16,11 @@ from insitu.members.agreement import agreeing_catalog, create_catalog, notes_on_
 from insitu.members.blank import PictureNote, note_on_pictures
 from insitu.members.conflicts import stored_name, under_stored_name
 from insitu.members.failures import named_disk_errors
-from insitu.members.notes import Once
+from insitu.members.notes import NO_SPACING, Once
 from insitu.members.planning import PlanOptions, check_complete, measure_pilot
 from insitu.members.request import Existing, MemberArguments, MemberRequest, member_request
 from insitu.members.result import PeakMemory, RenderedMember
 from render.datasets import ResamplingWarning
-
-NO_SPACING = (
-    "the first field states no spacing, so its values are 1 apart along every axis: pass spacing=(x, y, z) if not"
-)
 
 
 class CatalogWriter:

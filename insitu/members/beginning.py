@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from catalogs.store.description import check_place
+from catalogs.store.plan import CatalogPlan
 from catalogs.vocabulary.appearance import shown_fields
 from catalogs.vocabulary.scene import ViewPlan
 from insitu.members.planning import Pilot, PlanOptions, check_complete, plan_catalog
@@ -25,13 +26,18 @@ def check_new(path: Path, options: PlanOptions) -> None:
     ranges = dict.fromkeys(shown_fields(appearances), (0.0, 1.0))
     plan = plan_catalog(Pilot(options.bounds or UNIT_BOX, ranges), options)
     plan.check_recordable()
-    check_place(path, plan)
-    _check_writable(path)
+    check_free(path, plan)
     views = options.views or ViewPlan()
     if 2 * max(views.width, views.height) > ANY_SIDE:
         from render.views import check_sizes
 
         check_sizes(appearances, plan.cameras[:1])
+
+
+def check_free(path: Path, plan: CatalogPlan | None = None) -> None:
+    """Raise CatalogError or OSError where no new catalog can be at `path`, of this plan if it is known."""
+    check_place(path, plan)
+    _check_writable(path)
 
 
 def checked_path(catalog: Any) -> Path:

@@ -10,6 +10,9 @@ from catalogs.vocabulary.scene import PlannedMember
 from insitu.members.result import RenderedMember
 
 NUMBER = re.compile(r"[-+]?\d[\d.]*(?:e[-+]?\d+)?|\binf\b")
+NO_SPACING = (
+    "the first field states no spacing, so its values are 1 apart along every axis: pass spacing=(x, y, z) if not"
+)
 FEWEST = 5  # members from which anything between them can be learnt
 
 

@@ -66,6 +66,7 @@ class StoredEnsemble:
     contents: Mapping[str, Any] = field(repr=False)
     given: Mapping[str, Any] = field(repr=False)
     expensive: ClassVar[bool] = False
+    notes: ClassVar[tuple[str, ...]] = ()
 
     @classmethod
     def open(

@@ -215,7 +215,7 @@ def test_warnings_can_be_taken_elsewhere(catalog: Path, recwarn: Any) -> None:
 
 
 def test_a_session_is_told_in_one_line(catalog: Path, tmp_path: Path) -> None:
-    assert repr(Session(catalog)) == f"Session({str(catalog)!r}, 1 members)"
+    assert repr(Session(catalog)) == f"Session({str(catalog)!r}, 1 member)"
     new = Session(tmp_path / "b.cdb", space={"Re": (1, 2)}, appearances=VOLUME)
     assert repr(new) == f"Session({str(tmp_path / 'b.cdb')!r}, not made yet)"
 

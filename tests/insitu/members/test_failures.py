@@ -109,7 +109,7 @@ def test_what_fails_below_is_reported_and_can_be_rendered_later(
             with pytest.warns(MissingMemberWarning, match=reason):
                 assert session.render_member(blob(), RE, spacing=SPACING).error
         assert list(session.failures) == ["Re-160.0"]
-        assert "1 members, 1 missing" in repr(session)
+        assert "1 member, 1 missing" in repr(session)
     assert session.render_member(blob(), RE, spacing=SPACING).images == 12
     assert not session.failures
     assert Catalog.open(session.path).missing == ()
