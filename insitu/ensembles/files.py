@@ -88,7 +88,7 @@ class FileEnsemble:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What a user may have forgotten."""
+        """Options that a user may have forgotten."""
         plain = any(row.path.suffix == ".npy" for row in self.rows.values())
         return (NO_SPACING,) if plain and self.location.spacing is None else ()
 

@@ -84,8 +84,8 @@ def render_member(
     dims : an array's axes in its own order: ("x", "y", "z") for values [x, y, z]; by default (z, y, x), or as xarray's are called.
     name, split : the member's name in the catalog, by default from its parameters; "train", "validation" or "test".
     nan : "refuse" NaN and infinity, or show them "transparent".
-    target_decibels, sample_distance : PSNR that volume rendering must reach against a converged reference, by default 50 dB; or
-        in its place the step of rays in world units, one for all or by appearance.
+    target_decibels, sample_distance : PSNR that volume rendering must reach against a converged reference, by default 50 dB.
+        Or in its place the step of rays in world units, one for all or by appearance.
     time : the simulation's time, recorded.  Where `space` has a parameter "time" (or "t"), it is that: every dump is a member.
     existing : where the catalog has a member with these parameters, raise an "error", "skip" it, before the field is looked at,
         or "replace" it, atomically.
@@ -97,7 +97,7 @@ def render_member(
     progress, warn, comm, ghosts : as in `Session` and its `render_member`.
 
     Memory: VTK and OpenGL take some 200 MB once.  Each call takes three times the field in float32, four where that does not hold
-    it exactly (of its own size), once each further field, and one image; transparent values three quarters of it more.
+    it exactly (of its own size).  Each further field is taken once.  Transparent values take three quarters of it more.
 
     Raises ValueError where the field, the parameters or the plan are not acceptable: nothing was written.  Raises OSError where
     the disk is full or not writable: nothing of the member was kept.
