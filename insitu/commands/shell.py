@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import signal
 import threading
+import warnings
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
@@ -89,7 +90,12 @@ def command() -> Iterator[ProgressLine]:
     in_main = threading.current_thread() is threading.main_thread()  # signals are its alone
     previous = signal.signal(signal.SIGTERM, signal.default_int_handler) if in_main else None
     try:
-        with one_line_errors(RuntimeError, interrupted="the same command goes on from here"), ProgressLine() as line:
+        with (
+            one_line_errors(RuntimeError, interrupted="the same command goes on from here"),
+            warnings.catch_warnings(),
+            ProgressLine() as line,
+        ):
+            warnings.showwarning = lambda message, *where, **more: line.say(f"Warning: {message}")
             yield line
     finally:
         if in_main:
