@@ -54,6 +54,8 @@ def check_whole(path: Path, depth: int = 0) -> None:
         check_sizes(path)
     elif XML.fullmatch(suffix):
         _check_end(path)
+    elif suffix in (".case", ".encas"):
+        _check_ensight(path, head.decode("latin-1"))
     elif is_classic(path):  # Exodus
         read_header(path)
     for part in parts(path) if depth < DEEPEST else ():
@@ -106,6 +108,28 @@ def check_bytes(path: Path, claimed: int, what: str = "it") -> None:
     if size != claimed:
         reason = "was it cut short, or is it being written?" if size < claimed else "do they belong together?"
         raise ValueError(f"{what} has {size} bytes, its header claims {claimed}: {reason}")
+
+
+def _check_ensight(path: Path, text: str) -> None:
+    """Raise ValueError where, of one variable's files at several times on a fixed mesh, one is shorter than the others.
+
+    EnSight's files do not say how long they are, and VTK takes what there is.
+    """
+    names = [line.split()[-1] for line in text.splitlines() if ":" in line and "*" in line]
+    if any("*" in line for line in text.splitlines() if line.strip().lower().startswith("model:")):
+        return
+    for name in names:
+        held = sorted(path.parent.glob(re.sub(r"\*+", "[0-9]*", name)))
+        sizes = {part: part.stat().st_size for part in held}
+        for part in held:
+            longest = max(held, key=lambda other: sizes[other])
+            if sizes[part] == sizes[longest]:
+                continue
+            data = part.read_bytes()
+            if b"\0" in data[:80] or data.count(b"\n") < longest.read_bytes().count(
+                b"\n"
+            ):  # numbers in text vary in length
+                raise ValueError(f"{part.name} is shorter than {longest.name}: was it cut short?")
 
 
 def _check_nrrd(path: Path, head: bytes) -> None:

@@ -185,10 +185,15 @@ def test_one_field_of_a_file_is_that_of_its_first_time_and_says_so(tmp_path: Pat
     np.testing.assert_allclose(grid.values, values(0), atol=1e-2)
 
 
-@pytest.mark.parametrize("kind", ["exodus", "hdf", "xdmf", "collection", "series"])
+@pytest.mark.parametrize("kind", ["exodus", "hdf", "xdmf", "collection", "series", "ensight"])
 def test_one_that_is_cut_is_refused_wherever_it_ends(tmp_path: Path, kind: str) -> None:
     path = MAKE[kind](tmp_path)
-    cut = {"xdmf": tmp_path / "a.h5", "collection": tmp_path / "0.vti", "series": tmp_path / "0.vti"}.get(kind, path)
+    cut = {
+        "xdmf": tmp_path / "a.h5",
+        "collection": tmp_path / "0.vti",
+        "series": tmp_path / "0.vti",
+        "ensight": tmp_path / "a.t0",
+    }.get(kind, path)
     whole = cut.read_bytes()
     for share in (0.1, 0.5, 0.8, 0.95, 0.99):
         cut.write_bytes(whole[: int(share * len(whole))])
