@@ -17,6 +17,7 @@ from catalogs.vocabulary.quantity import label
 Outside = Literal["warn", "allow"]
 SPLITS = ("train", "validation", "test")
 SCALES = ("linear", "log")
+DECADE = 10.0
 SLACK = 1e-9  # of a range, for bounds rounded to decimals
 
 
@@ -71,6 +72,11 @@ class Parameter:
     def range(self) -> str:
         """The bounds, such as "[1500, 2500]"."""
         return f"[{self.text(self.low)}, {self.text(self.high)}]"
+
+    @property
+    def spans_decade(self) -> bool:
+        """True if the bounds are positive, and the upper at least ten times the lower."""
+        return self.low > 0.0 and self.high >= DECADE * self.low
 
     @property
     def label(self) -> str:
@@ -144,12 +150,9 @@ class ParameterSpace:
     def __len__(self) -> int:
         return len(self.parameters)
 
-    def with_logarithms(self, least: float) -> ParameterSpace:
-        """The same with logarithmic scales where bounds are positive and the upper is at least `least` times the lower."""
-        wide = [p.low > 0.0 and p.high >= least * p.low for p in self.parameters]
-        return ParameterSpace(
-            tuple(replace(p, scale="log") if w else p for p, w in zip(self.parameters, wide, strict=True))
-        )
+    def with_logarithms(self) -> ParameterSpace:
+        """The same with logarithmic scales where bounds are a decade apart or more: so surrogates learn them."""
+        return ParameterSpace(tuple(replace(p, scale="log") if p.spans_decade else p for p in self.parameters))
 
     @property
     def middle(self) -> dict[str, float]:

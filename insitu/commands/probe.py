@@ -8,7 +8,7 @@ from typing import Any
 import click
 
 from insitu.commands import shell
-from insitu.commands.reading import ReadingOptions, code_options, is_ensemble, pilots, suggested
+from insitu.commands.reading import NAMES, PARAMETERS, ReadingOptions, code_options, is_ensemble, pilots, suggested
 from insitu.commands.shell import command
 
 
@@ -22,6 +22,8 @@ from insitu.commands.shell import command
     multiple=True,
     help="Which of several fields: an array of VTK files, a data set of HDF5, a field of a scene; several, one by one.",
 )
+@PARAMETERS
+@NAMES
 @click.option("--spacing", type=float, nargs=3, help="Distance between values, x y z, of .npy files.")
 @code_options
 @shell.NAN
@@ -31,6 +33,8 @@ def probe(
     count: int,
     alpha: float,
     arrays: tuple[str, ...],
+    parameters: str | None,
+    names: str | None,
     spacing: tuple[float, float, float] | None,
     nan: str,
     preview: Path | None,
@@ -42,7 +46,8 @@ def probe(
     per member will do, too: .npy, .npz, HDF5, netCDF, Zarr, any that pyvista reads, or a dump of a code that --reader lists.
     """
     with command():
-        fields = _read(sources, count, ReadingOptions(arrays=arrays, spacing=spacing or None, **codes), nan)
+        reading = ReadingOptions(arrays=arrays, parameters=parameters, names=names, spacing=spacing or None, **codes)
+        fields = _read(sources, count, reading, nan)
         for name, (found, suggestion) in suggested(fields, alpha).items():
             if len(fields) > 1:
                 click.echo(f"field {name}")

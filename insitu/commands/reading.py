@@ -23,6 +23,8 @@ if TYPE_CHECKING:
 
 TABLES = {".csv", ".tsv", ".txt"}
 TRIPLE = (float, float, float)
+PARAMETERS = click.option("--parameters", metavar="A,B", help="Arrays, attributes or columns that are the parameters.")
+NAMES = click.option("--names", metavar="A,B", help="Names of the columns of one array of parameters.")
 OPTIONS = (
     click.option(
         "--array",
@@ -32,8 +34,8 @@ OPTIONS = (
         multiple=True,
         help="Array that holds the field; several, one by one.  [default: those that appearances name, else the only one]",
     ),
-    click.option("--parameters", metavar="A,B", help="Arrays, attributes or columns that are the parameters."),
-    click.option("--names", metavar="A,B", help="Names of the columns of one array of parameters."),
+    PARAMETERS,
+    NAMES,
     click.option("--units", metavar="U,V", help="Units of the parameters."),
     click.option("--split", metavar="ARRAY", help="Array of train, validation and test."),
     click.option(

@@ -32,7 +32,6 @@ from surrogate.training.data import (
 from surrogate.training.ranks import ALONE, Ranks
 from surrogate.training.value_loss import KnownValues
 
-DECADE = 10.0  # between the bounds of a parameter
 COLOR_SAMPLES = 32  # images that the first colour is taken from
 # Images, and opaque pixels of them, that tell whether surfaces are lit as the catalog says.
 LOOKED_AT, MOST_PIXELS = 8, 4_000
@@ -84,8 +83,8 @@ class Source:
 
     @cached_property
     def space(self) -> ParameterSpace:
-        """The catalog's parameters on the scales that are learnt: those that span `DECADE` or more by their logarithms."""
-        return self.catalog.plan.space.with_logarithms(DECADE)
+        """The catalog's parameters on the scales that are learnt: those that span a decade or more by their logarithms."""
+        return self.catalog.plan.space.with_logarithms()
 
     @cached_property
     def values(self) -> KnownValues | None:

@@ -86,9 +86,11 @@ class Tally:
 
     def _parameter(self, parameter: Parameter) -> str:
         values = np.unique(self._values[parameter.name])
+        learnt = "; learnt by its logarithm" if parameter.spans_decade and parameter.scale != "log" else ""
         if not len(values):
-            return str(parameter)
-        return f"{parameter}; members from {parameter.text(values[0])} to {parameter.text(values[-1])}, {len(values)} values"
+            return f"{parameter}{learnt}"
+        seen = f"members from {parameter.text(values[0])} to {parameter.text(values[-1])}, {len(values)} values"
+        return f"{parameter}; {seen}{learnt}"
 
     def _view_count(self) -> str:
         plan, numbers = self._plan, self._views or {0}

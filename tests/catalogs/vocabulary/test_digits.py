@@ -39,6 +39,14 @@ def test_numbers_that_differ_are_shown_differently(values: list[float]) -> None:
     np.testing.assert_allclose([float(t) for t in shown], values, rtol=5e-6)
 
 
+@pytest.mark.parametrize(("low", "high", "learnt"), [(1.0, 10.0, True), (1.0, 9.9, False), (0.0, 10.0, False)])
+def test_a_catalog_says_what_is_learnt_by_its_logarithm(low: float, high: float, learnt: bool, tmp_path: Path) -> None:
+    from tests.catalogs.conftest import make_plan
+
+    Catalog.create(tmp_path / "a.cdb", make_plan(space=ParameterSpace((Parameter("nu", low, high),))))
+    assert ("; learnt by its logarithm" in describe(tmp_path / "a.cdb")) == learnt
+
+
 def test_a_parameter_says_its_bounds_and_values_in_these_digits() -> None:
     days = ParameterSpace((Parameter("time", 59000.0, 59000.125, "d"),))
     assert str(days) == "time in [59000, 59000.125] d"
