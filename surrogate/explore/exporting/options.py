@@ -95,8 +95,9 @@ def _kept(path: Path) -> tuple[Setting, Camera | None, Color | None]:
 
 def _setting(run: Run, assignments: Sequence[str], color_map: str, like: Setting) -> Setting:
     """The setting of assignments over `like` over the middle of all bounds, checked as a message of the page is."""
-    space, asked = run.surrogate.space, dict(map(_assignment, assignments))
+    space = run.surrogate.space
     known = [*space.names, *run.surrogate.visualization_names]
+    asked = dict(_assignment(text, known) for text in assignments)
     strange = [name for name in asked if name not in known]
     if strange:
         raise ValueError(f"unknown parameter {', '.join(strange)}: this surrogate has {', '.join(known) or 'none'}")
@@ -134,8 +135,12 @@ def _axis(run: Run, name: str, steps: int, *ends: float | None) -> Axis:
     return axis_of(run, name, steps, *(None if end is None else _displacement(run, name, end) for end in ends))
 
 
-def _assignment(text: str) -> tuple[str, float | str]:
+def _assignment(text: str, known: Sequence[str]) -> tuple[str, float | str]:
+    """Name and value; a `known` name may hold a "=" or begin with a space."""
+    length = max((len(name) for name in known if text.startswith(f"{name}=")), default=-1)
     name, _, value = (part.strip() for part in text.partition("="))
+    if length >= 0:
+        name, value = text[:length], text[length + 1 :].strip()
     try:
         return name, float(value)
     except ValueError:
