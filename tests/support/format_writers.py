@@ -121,6 +121,7 @@ WRITERS: dict[str, Writer] = {
     "vti": saved(image, ".vti"),
     "vtr": saved(rectilinear, ".vtr"),
     "vtk": saved(image, ".vtk"),
+    "vtu": saved(lambda width: image(width).cast_to_unstructured_grid(), ".vtu"),
     "vtm": vtm,
     "npz": npz,
     "hdf5": hdf5,

@@ -30,8 +30,10 @@ from research.benchmarks.page import PROJECT, command_line, table
 from research.benchmarks.timing import digits
 from tests.support.adios_writer import start
 from tests.support.amrex_files import boxes_of, read_by_vtk, write_plotfile
+from tests.support.athena_files import uniform, write_athena
 from tests.support.cloverleaf_files import e12_4
 from tests.support.mpas_files import globe, write_output
+from tests.support.openpmd_files import write_openpmd
 from tests.support.xcompact3d_files import write_snapshot
 
 EVERY = 0.005  # seconds between memory samples
@@ -152,12 +154,53 @@ def read_adios(path: Path) -> Any:
         return file.read("density", step_selection=[0, 1])
 
 
+def write_openpmd_file(folder: Path, size: int) -> Path:
+    return write_openpmd(folder / "data00000100.h5", {100: {"u": {"values": values(size)}}})
+
+
+def read_openpmd(path: Path) -> Any:
+    with h5py.File(path) as file:
+        return file["data/100/fields/u"][:]
+
+
+def write_athena_file(folder: Path, size: int) -> Path:
+    """Eight blocks."""
+    half = (size // 2,) * 3
+    return write_athena(folder / "a.athdf", uniform((2, 2, 2)), root=(size,) * 3, size=half)
+
+
+def read_athena(path: Path) -> Any:
+    """Read the blocks, and put them where they belong."""
+    with h5py.File(path) as file:
+        blocks, places = file["prim"][0], file["LogicalLocations"][:]  # [B, z, y, x], [B, 3]
+        size = blocks.shape[1]
+        whole = np.empty(2 * np.array(blocks.shape[1:]), blocks.dtype)
+        for block, (x, y, z) in zip(blocks, places * size, strict=True):
+            whole[z : z + size, y : y + size, x : x + size] = block
+        return whole
+
+
+def write_store(folder: Path, size: int) -> Path:
+    """A netCDF-4 file of a run with two times."""
+    import netCDF4
+
+    with netCDF4.Dataset(folder / "a.nc", "w") as file:
+        for name, count in (("time", 2), ("z", size), ("y", size), ("x", size)):
+            file.createDimension(name, count)
+            file.createVariable(name, "f8", (name,))[:] = np.arange(count)
+        file.createVariable("u", "f8", ("time", "z", "y", "x"))[:] = [values(size)] * 2
+    return folder / "a.nc"
+
+
 CODES = {
     "amrex": Code(write_amrex, "vtk", read_vtk),
     "cloverleaf": Code(write_cloverleaf, "pyvista", read_pyvista),
     "xcompact3d": Code(write_xcompact3d, "numpy.fromfile", read_numpy),
     "mpas": Code(write_mpas, "netCDF4, cells", read_netcdf, sampling=lambda size: Sampling((size,) * 3)),
     "well": Code(write_well, "h5py", read_h5py, index=(0, 0)),
+    "openpmd": Code(write_openpmd_file, "h5py", read_openpmd, index=(100,)),
+    "athena": Code(write_athena_file, "h5py", read_athena, "rho"),
+    "store": Code(write_store, "netCDF4", read_netcdf, index=(0,)),
     "adios2": Code(write_adios, "adios2", read_adios, "density", (0,)),
 }
 

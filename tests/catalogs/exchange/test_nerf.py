@@ -180,7 +180,7 @@ def test_a_space_gives_names_and_bounds(data: DataSet, tmp_path: Path) -> None:
         ({"validation_members": 13}, "leave no training member: there are 12"),
         ({"background": (255, 255, 255)}, "background must lie in"),
         ({"bounds": ((1, 1, 1), (0, 0, 0))}, "bounds must be two corners low < high"),
-        ({"names": ["profile", "b"]}, "'profile' contains 'file'"),
+        ({"names": ["b", "b"]}, "parameter names must be unique"),
     ],
 )
 def test_wrong_arguments_write_nothing(data: DataSet, tmp_path: Path, options: dict[str, Any], message: str) -> None:
