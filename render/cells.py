@@ -176,8 +176,8 @@ def edges_along_axes(mesh: Any, share: float) -> NDArray[np.float64]:
     return found
 
 
-def lattice(mesh: Any, values: NDArray[Any]) -> tuple[NDArray[Any], list[NDArray[np.float64]]] | None:
-    """(values [nz, ny, nx], coordinates of their centres along x, y and z) of a vtkUnstructuredGrid's cells, values [C].
+def lattice(mesh: Any, values: NDArray[Any], on_cells: bool) -> tuple[NDArray[Any], list[NDArray[np.float64]]] | None:
+    """(values [nz, ny, nx], their coordinates along x, y and z) of a vtkUnstructuredGrid's cells [C], at centres, or points [P].
 
     None unless the cells are boxes that fill a rectilinear grid; where two coincide the later one counts.
     """
@@ -193,7 +193,7 @@ def lattice(mesh: Any, values: NDArray[Any]) -> tuple[NDArray[Any], list[NDArray
     corners = points[numbers]  # [C, 8, 3]
     low, high = corners.min(axis=1), corners.max(axis=1)  # [C, 3]
     slack = ON_LATTICE * (high - low) + rounding  # [C, 3]
-    centers, places = [], []
+    axes, places = [], []
     for axis in range(3):
         ends = np.sort(np.concatenate([low[:, axis], high[:, axis]]))
         planes = ends[np.append(True, np.diff(ends) > 2 * slack[:, axis].min())]  # [n + 1]
@@ -202,14 +202,20 @@ def lattice(mesh: Any, values: NDArray[Any]) -> tuple[NDArray[Any], list[NDArray
         if (last != first + 1).any():
             return None
         places.append(first)
-        centers.append((planes[1:] + planes[:-1]) / 2)
-    shape = [len(center) for center in reversed(centers)]
-    flat = np.ravel_multi_index(places[::-1], shape)  # [C]
-    if len(np.unique(flat)) < np.prod(shape):
+        axes.append(planes)
+    cells = [len(planes) - 1 for planes in reversed(axes)]
+    if len(np.unique(np.ravel_multi_index(places[::-1], cells))) < np.prod(cells):
         return None
+    if on_cells:
+        axes = [(planes[1:] + planes[:-1]) / 2 for planes in axes]
+    else:
+        is_high = corners > (low + high)[:, None] / 2  # [C, 8, 3]
+        places = [(first[:, None] + is_high[..., axis]).ravel() for axis, first in enumerate(places)]  # [8 C] each
+        values = values[numbers.ravel()]
+    shape = [len(axis) for axis in reversed(axes)]
     filled = np.empty(int(np.prod(shape)), dtype=values.dtype)
-    filled[flat] = values
-    return filled.reshape(shape), centers
+    filled[np.ravel_multi_index(places[::-1], shape)] = values
+    return filled.reshape(shape), axes
 
 
 def _are_boxes(corners: NDArray[np.float64], rounding: NDArray[np.float64]) -> bool:

@@ -237,7 +237,7 @@ def _on_axes(values: NDArray[Any], axes: Sequence[NDArray[Any]], name: str, kind
 
 
 def _of_mesh(data: list[Any], kind: str, name: str, on_cells: bool, nan: str) -> Grid:
-    """A grid of data sets whose cells make one mesh: the values of boxes in rows at their centres, others resampled."""
+    """A grid of data sets whose cells make one mesh: the values of boxes in rows as they are, others resampled."""
     if max(block.GetMaxSpatialDimension() for block in data) < 3:
         raise TypeError(f"the {kind} has no volume cells, only surfaces, lines or points")
     mesh = joined(data)
@@ -245,7 +245,7 @@ def _of_mesh(data: list[Any], kind: str, name: str, on_cells: bool, nan: str) ->
         raise ValueError(f"the {kind} has no cells but ghosts and hidden ones")
     check_types(mesh, on_cells)
     values = _values(mesh, name, on_cells)
-    filled = lattice(mesh, values) if on_cells else None
+    filled = lattice(mesh, values, on_cells)
     if filled is not None and min(filled[0].shape) > 1:
         return _on_axes(*filled, name, kind, nan)
     return _probed(mesh, kind, name, values if on_cells else None, nan)

@@ -181,7 +181,7 @@ def test_of_one_name_on_cells_and_points_the_cells_count(kind: str, array: str |
 
 
 def test_notes_say_what_a_warning_would() -> None:
-    mesh = image().cast_to_unstructured_grid()
+    mesh = image().cast_to_unstructured_grid().triangulate()
     with pytest.warns(ResamplingWarning) as caught:
         warned = to_grid(mesh)
     assert [str(warning.message) for warning in caught] == list(warned.notes)
@@ -190,6 +190,17 @@ def test_notes_say_what_a_warning_would() -> None:
         warnings.simplefilter("error")
         assert to_grid(mesh, warn=False).notes == warned.notes
         assert to_grid(warned) is warned  # said once
+
+
+def test_values_at_the_corners_of_boxes_are_not_resampled() -> None:
+    whole = image()
+    mesh = whole.cast_to_unstructured_grid()
+    shuffled = mesh.extract_cells(np.random.default_rng(0).permutation(mesh.n_cells))
+    for boxes in (mesh, shuffled):
+        grid = to_grid(boxes)
+        assert grid.notes == ()
+        np.testing.assert_array_equal(grid.values, to_grid(whole).values)
+        np.testing.assert_allclose((grid.spacing, grid.origin), (whole.spacing, whole.origin), rtol=1e-12)
 
 
 VALUES = np.random.default_rng(0).random((3, 4, 5)).astype(np.float32)
