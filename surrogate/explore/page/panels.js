@@ -33,7 +33,7 @@ function memberMenu(explorer) {
   } }, element("option", { value: "", disabled: true, selected: true }, "choose…"));
   for (const split of ["train", "validation", "test"]) {
     const group = element("optgroup", { label: split });
-    members.forEach((m, i) => { if (m.split === split) group.append(element("option", { value: i }, `${m.name}: ${m.values.map((value, k) => digits(value, facts.parameters[k].high - facts.parameters[k].low)).join(", ")}`)); });
+    members.forEach((m, i) => { if (m.split === split) group.append(element("option", { value: i }, `${m.name}: ${m.values.map((value, k) => digits(value, parameters[k].high - parameters[k].low)).join(", ")}`)); });
     if (group.children.length) choice.append(group);
   }
   return field("Go to member", choice);
