@@ -22,6 +22,7 @@ from catalogs.vocabulary.parameters import ParameterSpace
 from catalogs.vocabulary.scene import PlannedMember
 from catalogs.vocabulary.words import plural, shortened
 from insitu.ensembles.dumps import FieldSource, FileSource, MemberRun, runs_of
+from insitu.ensembles.files import FileEnsemble
 from insitu.ensembles.progress import EnsembleProgress, Tracker
 from insitu.ensembles.tasks import DiskError, MemberOutcome, measure_pilots, reason_of, render_run
 from insitu.ensembles.workers import WorkerPool, WorkerReport, single_threaded
@@ -118,7 +119,7 @@ def run_ensemble(
     todo, skipped = _split_off(_shard(runs, shard), present)
     if not todo:
         Catalog.open(path).rebuild_table()  # writes only where a killed run left the table behind its members
-        return EnsembleResult((), skipped, {}, clock.perf_counter() - started)
+        return EnsembleResult((), skipped, _unread(source, path), clock.perf_counter() - started)
     count = min(workers or available_cores(), len(todo))
     with single_threaded(), nullcontext(engine) if engine else local_engine(count, executor) as hands:
         kept = cache if source.expensive else None
@@ -129,6 +130,7 @@ def run_ensemble(
         rendered, there, failures = work.render(todo)
         once.repeat(rendered)
     Catalog.open(path).rebuild_table()  # in the order of names, whoever was first
+    failures |= _unread(source, path)
     return EnsembleResult(tuple(rendered), (*skipped, *there), failures, clock.perf_counter() - started)
 
 
@@ -278,6 +280,11 @@ def _present(
     if existing == "error":
         _refuse_changed(path, changed)
     return {m.name for m in made.members} - set(changed), frozenset(changed)
+
+
+def _unread(source: FieldSource, path: Path) -> dict[str, str]:
+    """Files of the source whose members are unknown, and why, by name; the catalog at `path` lists them as missing."""
+    return source.report_unread(path) if isinstance(source, FileEnsemble) else {}
 
 
 def _split_off(

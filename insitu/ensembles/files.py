@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
 
+from catalogs.store.missing import MissingMember, missing_members, no_longer_missing, report_missing
 from catalogs.store.plan import name_problem
 from catalogs.vocabulary.parameters import ParameterSpace
 from catalogs.vocabulary.scene import PlannedMember
@@ -24,6 +26,13 @@ from insitu.readers.reader import Sampling
 from insitu.readers.states import files_beside
 from insitu.readers.tables import Bounds, MemberTable, TableRow, bounded_space
 
+UNREAD = "its states can't be read"
+
+
+def name_of_file(path: Path, parameters: Mapping[str, float], name: str) -> str:
+    """The name under which a file of unknown states is missing: the table's, that of its parameters, or its own."""
+    return name or (member_name(parameters) if parameters else path.stem)
+
 
 @dataclass(frozen=True, eq=False)
 class FileEnsemble:
@@ -35,6 +44,7 @@ class FileEnsemble:
     space : the parameters.
     arrays : which arrays of the files are the fields; () where each file holds one, or appearances name them.
     location, reader, sampling : as in `insitu.readers.files.read_data`.
+    unread : files of which not even the states could be read; each stands for all its members.
     """
 
     rows: Mapping[str, TableRow] = field(repr=False)
@@ -43,6 +53,7 @@ class FileEnsemble:
     location: FieldLocation = FieldLocation()  # noqa: RUF009 - frozen
     reader: str = ""
     sampling: Sampling = Sampling()  # noqa: RUF009 - frozen
+    unread: tuple[MissingMember, ...] = field(default=(), repr=False)
     expensive: ClassVar[bool] = False
 
     @classmethod
@@ -66,12 +77,38 @@ class FileEnsemble:
         names = table.names
         if units and len(units) != len(names):
             raise ValueError(f"--units must be of the {len(names)} parameters {list(names)}, got {list(units)}")
-        values = np.array([list(row.parameters.values()) for row in table.rows])  # [M, P]
+        first = table.rows[0].parameters
+        of_unread = [{**first, **row.parameters} for row, _ in table.unread]  # whose members must be in bounds, too
+        values = np.array(
+            [[said[n] for n in names] for said in (*(r.parameters for r in table.rows), *of_unread)]
+        )  # [M, P]
         units = units or [table.units.get(name, "") for name in names]
-        return cls(rows, bounded_space(names, values, units, bounds or {}), **how)
+        unread = tuple(
+            MissingMember(name_of_file(row.path, row.parameters, row.name), row.parameters, f"{UNREAD}: {reason}")
+            for row, reason in table.unread
+        )
+        return cls(rows, bounded_space(names, values, units, bounds or {}), unread=unread, **how)
 
     def __len__(self) -> int:
         return len(self.rows)
+
+    def report_unread(self, catalog: Path) -> dict[str, str]:
+        """Record in a catalog the files that could not be read, and forget those that now can be; returns the reasons by name."""
+        reasons = {missing.name: missing.reason for missing in self.unread}
+        with suppress(OSError):  # a disk that refuses has no say
+            for missing in missing_members(catalog):
+                if missing.reason.startswith(UNREAD) and missing.name not in reasons and self._has_file(missing):
+                    no_longer_missing(catalog, missing.name)
+            for missing in self.unread:
+                report_missing(catalog, missing.name, missing.parameters, missing.reason)
+        return reasons
+
+    def _has_file(self, missing: MissingMember) -> bool:
+        """True if some member is of the file that was reported."""
+        return any(
+            missing.name == name_of_file(row.path, {n: row.parameters.get(n, np.nan) for n in missing.parameters}, "")
+            for row in self.rows.values()
+        )
 
     def __repr__(self) -> str:
         shown = ", ".join(self.arrays) or "one array"

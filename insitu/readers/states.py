@@ -10,7 +10,7 @@ from pathlib import Path
 
 from catalogs.vocabulary.words import shortened
 from insitu.readers import stores, vtk_files
-from insitu.readers.arrays import is_store
+from insitu.readers.arrays import is_store, open_arrays
 from insitu.readers.attributes import TIME
 from insitu.readers.codes import listed_readers, reader_of
 from insitu.readers.files import is_field_file
@@ -62,12 +62,28 @@ def no_ensemble(source: str) -> ValueError:
 
 def reader_for(paths: Sequence[Path], name: str = "") -> Reader | None:
     """The one reader of some files, of which not all are looked at; raises ValueError where they are of several codes."""
-    readers = {reader.name if reader else "": reader for reader in (reader_of(path, name) for path in _some(paths))}
+    by_file = {path: reader_of(path, name) for path in _some(paths)}
+    readers = {
+        reader.name if reader else "": reader for path, reader in by_file.items() if reader or not _is_damaged(path)
+    }
+    if not readers:
+        return None
     if len(readers) > 1:
         raise ValueError(
             f"the files are of several kinds, {sorted(readers)}: name one kind at a time, or choose by --reader"
         )
     return next(iter(readers.values()))
+
+
+def _is_damaged(path: Path) -> bool:
+    """True if a file with named arrays can't be opened, so that it does not show of which code it is."""
+    if not is_store(path):
+        return False
+    try:
+        with open_arrays(path):
+            return False
+    except (ValueError, OSError):
+        return True
 
 
 def _some(paths: Sequence[Path]) -> Sequence[Path]:
@@ -109,7 +125,7 @@ def with_states(
     arrays : the fields.  States that lack one are left out, which one warning says for all.
 
     What a row says of a file with several states, and the file says of each another, chooses among these; else the row holds.
-    Raises ValueError naming the file.
+    A file that can't be read is in `unread`.  Raises ValueError naming the first of them where none can.
     """
     rows: list[TableRow] = []
     stated: list[Mapping[str, float]] = []
@@ -117,11 +133,17 @@ def with_states(
     firsts: dict[Path, Path] = {}  # of every file that belongs to another's
     lacking: list[tuple[Path, StoredState]] = []
     repeated: list[str] = []
+    unread: dict[Path, tuple[TableRow, str]] = {}
     for row in table.rows:
-        if row.path not in firsts:
-            firsts |= _first_files(row.path, reader)
-        first = firsts[row.path]
-        records = _states(first, row.parameters, reader, sampling)
+        try:
+            if row.path not in firsts:
+                firsts |= _first_files(row.path, reader)
+            first = firsts[row.path]
+            found = reader.states(first, sampling)
+        except (OSError, ValueError) as error:
+            unread[row.path] = row, str(error) if str(error).startswith(str(row.path)) else f"{row.path}: {error}"
+            continue
+        records = _meant(found, first, row.parameters)
         for record in records if COUNTERS & set(wanted) else _last(records, first, repeated):
             key = (first, record.index, *row.parameters.values())
             if record.lacks(arrays):
@@ -130,6 +152,8 @@ def with_states(
                 seen.add(key)
                 rows.append(replace(row, path=first, index=record.index))
                 stated.append(record.says)
+    if unread and not rows and not lacking:
+        raise ValueError(next(reason for _, reason in unread.values()))
     if repeated:
         warnings.warn(
             f"{len(repeated)} states stand twice in a file, the later one is taken: {repeated[0]}", stacklevel=2
@@ -142,7 +166,7 @@ def with_states(
         for row, says in zip(rows, stated, strict=True)
     ]
     named = [replace(row, name="") if _is_shared(row, held) else row for row in held]
-    return MemberTable(distinct(named), {**reader.units, **table.units})
+    return MemberTable(distinct(named), {**reader.units, **table.units}, tuple(unread.values()))
 
 
 def states_of(
@@ -174,20 +198,13 @@ def files_beside(path: Path, name: str, sampling: Sampling) -> tuple[Path, ...]:
 
 def _first_files(path: Path, reader: Reader) -> dict[Path, Path]:
     """The file that stands for all that belong to one, by each of these."""
-    try:
-        with reader.reading(path):
-            parts = reader.files(path)
-    except (OSError, ValueError) as error:
-        raise ValueError(f"{path}: {str(error).removeprefix(f'{path}: ')}") from None
+    with reader.reading(path):
+        parts = reader.files(path)
     return dict.fromkeys([path, *parts], parts[0] if parts else path)
 
 
-def _states(path: Path, given: Mapping[str, float], reader: Reader, sampling: Sampling) -> list[StoredState]:
-    """The states of a file that a row means."""
-    try:
-        found = reader.states(path, sampling)
-    except (OSError, ValueError) as error:
-        raise ValueError(f"{path}: {str(error).removeprefix(f'{path}: ')}") from None
+def _meant(found: list[StoredState], path: Path, given: Mapping[str, float]) -> list[StoredState]:
+    """Of the states of a file those that a row means."""
     if len(found) == 1:
         return found
     telling = [name for name in given if len({record.says.get(name) for record in found}) > 1]

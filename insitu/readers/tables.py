@@ -65,10 +65,14 @@ class TableRow:
 
 @dataclass(frozen=True)
 class MemberTable:
-    """Members with files of their own; `units` by parameter, where they are known."""
+    """Members with files of their own; `units` by parameter, where they are known.
+
+    `unread` are files of which not even the states could be read, each with the reason.
+    """
 
     rows: tuple[TableRow, ...]
     units: Mapping[str, str]
+    unread: tuple[tuple[TableRow, str], ...] = ()
 
     @property
     def names(self) -> tuple[str, ...]:
