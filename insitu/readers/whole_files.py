@@ -13,6 +13,7 @@ from pathlib import Path
 from insitu.readers.arrays import check_room
 from insitu.readers.legacy_vtk import check_legacy
 from insitu.readers.netcdf import is_classic, read_header
+from insitu.readers.vtk_xml_arrays import check_arrays
 from insitu.readers.xdmf_sizes import check_sizes
 from insitu.readers.xml_files import LARGEST
 
@@ -54,6 +55,7 @@ def check_whole(path: Path, depth: int = 0) -> None:
         check_sizes(path)
     elif XML.fullmatch(suffix):
         _check_end(path)
+        check_arrays(path)
     elif suffix in (".case", ".encas"):
         _check_ensight(path, head.decode("latin-1"))
     elif is_classic(path):  # Exodus
