@@ -6,6 +6,7 @@ import math
 import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, fields, replace
+from reprlib import repr as shortened
 from typing import Any, Literal
 
 import numpy as np
@@ -178,7 +179,7 @@ class ParameterSpace:
         values = np.array([_number(n, parameters[n]) for n in self.names], dtype=np.float64)  # [P]
         for name, value in zip(self.names, values, strict=True):
             if not np.isfinite(value):
-                raise ValueError(f"parameter {name} must be finite, got {value}")
+                raise ValueError(f"parameter {name} must be finite, got {shortened(parameters[name])}")
         self._check_positive(values)
         if outside == "warn":
             for sentence in self.outside(values).values():
@@ -263,7 +264,16 @@ class ParameterSpace:
 
 
 def _number(name: str, value: Any) -> float:
+    """A value as a double, its zero without a sign; raises ValueError where it is no number, or a whole one of too many digits."""
     try:
-        return float(value)
+        number = float(value) + 0.0
+    except OverflowError:
+        number = math.inf
     except (TypeError, ValueError):
         raise ValueError(f"parameter {name} must be a number, got {value!r}") from None
+    if isinstance(value, int | np.integer) and math.isfinite(number) and int(number) != int(value):
+        raise ValueError(
+            f"parameter {name} = {value} has more digits than a number of the catalog, and would become {int(number)}: "
+            "take a smaller number in its place, such as an index"
+        )
+    return number

@@ -38,7 +38,6 @@ def ensemble(
     validation: int,
     seed: int,
     existing: Any,
-    nan: str,
     workers: int | None,
     shard: str | None,
     engine: str | None,
@@ -64,10 +63,11 @@ def ensemble(
         how = how_to_run(line, workers, shard)
         looks = Looks.of(catalog, scene, appearance, size, target_decibels)
         options = ReadingOptions(**reading).as_in(looks.catalog.plan if looks.catalog else None)
+        nan = options.nan or "refuse"
         stored = options.open(sources, looks.given or looks.known)
         members = stored.members(validation, seed) if validation else looks.split_as_stored(stored.members())
         click.echo(str(stored), err=True)
-        looks.options(stored.space)  # its mistakes are found before a field is read
+        looks.options(stored.space, options)  # its mistakes are found before a field is read
         if looks.catalog is None:
             Once(how["warn"]).say("", [*notes_on_ensemble(members, stored.space), *stored.notes])
         if looks.scene is not None:
@@ -76,7 +76,7 @@ def ensemble(
             suggestions = [suggestion for _, suggestion in suggested(pilots(stored, members, 5, nan)).values()]
             click.echo("\n".join(suggestion.toml() for suggestion in suggestions))
             looks = replace(looks, given=tuple(suggestion.appearance for suggestion in suggestions))
-        plan = looks.options(stored.space)
+        plan = looks.options(stored.space, options)
         with engine_at(line, engine, workers, catalog) as where:
             result = run_ensemble(catalog, members, stored, plan, nan=nan, existing=existing, **how, **where)
         line.close()

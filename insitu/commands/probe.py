@@ -36,7 +36,7 @@ def probe(
     parameters: str | None,
     names: str | None,
     spacing: tuple[float, float, float] | None,
-    nan: str,
+    nan: str | None,
     preview: Path | None,
     **codes: Any,
 ) -> None:
@@ -47,7 +47,7 @@ def probe(
     """
     with command():
         reading = ReadingOptions(arrays=arrays, parameters=parameters, names=names, spacing=spacing or None, **codes)
-        fields = _read(sources, count, reading, nan)
+        fields = _read(sources, count, reading, nan or "refuse")
         for name, (found, suggestion) in suggested(fields, alpha).items():
             if len(fields) > 1:
                 click.echo(f"field {name}")

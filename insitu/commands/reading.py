@@ -61,9 +61,7 @@ CODES = (
     click.option(
         "--interpolation",
         type=click.Choice(["nearest", "linear"]),
-        default="nearest",
-        show_default=True,
-        help="Between cells of a mesh (mpas): the containing cell's value, or linear between their centres.",
+        help="Between cells of a mesh (mpas): the containing cell's value, or linear between their centres.  [default: nearest]",
     ),
     click.option("--mesh", type=click.Path(path_type=Path), help="File of the mesh, where the others lack it (mpas)."),
 )
@@ -98,14 +96,25 @@ class ReadingOptions:
     dims: str | None = None
     reader: str = ""
     resolution: tuple[int, int, int] | None = None
-    interpolation: str = "nearest"
+    interpolation: str | None = None
     mesh: Path | None = None
+    nan: str | None = None
+
+    @property
+    def record(self) -> dict[str, dict[str, str]]:
+        """What a catalog remembers of the options, beside its source of fields."""
+        from insitu.members.agreement import READING
+
+        held = {name: getattr(self, name) for name in ("parameters", "names", "split", "reader", "mesh", "nan")}
+        return {READING: {name: str(value) for name, value in held.items() if value}}
 
     def as_in(self, plan: CatalogPlan | None) -> ReadingOptions:
         """The options with those of an existing catalog where they are left out; of `insitu probe` and a new one as they are."""
         if plan is None:
             return self
-        source = plan.provenance.get("source", {})
+        from insitu.members.agreement import READING, SOURCE
+
+        source, chosen = plan.provenance.get(SOURCE, {}), plan.provenance.get(READING, {})
         one = (source["dataset"],) if "dataset" in source else ()
         given = {name for name, *_ in self.bounds}
         return replace(
@@ -117,9 +126,10 @@ class ReadingOptions:
             origin=self.origin or source.get("origin"),
             dims=self.dims or ",".join(source.get("dims", ())),
             resolution=self.resolution or source.get("resolution"),
-            interpolation=source.get("interpolation", self.interpolation)
-            if self.interpolation == "nearest"
-            else self.interpolation,
+            interpolation=self.interpolation or source.get("interpolation"),
+            mesh=self.mesh or (Path(chosen["mesh"]) if "mesh" in chosen else None),
+            reader=self.reader or chosen.get("reader", ""),
+            **{name: getattr(self, name) or chosen.get(name) for name in ("parameters", "names", "split", "nan")},
         )
 
     def open(self, sources: Sequence[str], shown: Any = ()) -> StoredEnsemble | FileEnsemble:
@@ -209,7 +219,7 @@ class ReadingOptions:
         """The resampling of data that lie on no one regular grid."""
         from insitu.readers.reader import Sampling
 
-        return Sampling(self.resolution, self.interpolation, self.mesh)
+        return Sampling(self.resolution, self.interpolation or "nearest", self.mesh)
 
 
 def is_listing(source: str) -> bool:
@@ -332,13 +342,14 @@ class Looks:
         stored = {} if self.catalog is None else {member.name: member.split for member in self.catalog.members}
         return tuple(replace(member, split=stored.get(member.name, member.split)) for member in members)
 
-    def options(self, space: ParameterSpace) -> PlanOptions:
-        """The plan of a catalog of these parameters."""
+    def options(self, space: ParameterSpace, reading: ReadingOptions) -> PlanOptions:
+        """The plan of a catalog of these parameters, read with these options."""
         from catalogs.vocabulary.scene import ViewPlan
         from insitu.members.planning import PlanOptions
 
         if self.scene is not None:
-            return PlanOptions.of_scene(self.scene, space)
+            return PlanOptions.of_scene(self.scene, space, reading.record)
         size = self.size or (None if self.known else 256)
         views = None if size is None else ViewPlan(width=size, height=size)
-        return PlanOptions(space, self.given or None, views, target_decibels=self.target_decibels)
+        shown = self.given or None
+        return PlanOptions(space, shown, views, target_decibels=self.target_decibels, provenance=reading.record)

@@ -18,9 +18,7 @@ from catalogs.progress import ProgressLine
 PATH = click.Path(path_type=Path)
 NAMED_FILE = click.Path(dir_okay=False, path_type=Path)  # whose absence is reported in our own words
 FILE = click.Path(exists=True, dir_okay=False, path_type=Path)
-NAN = click.option(
-    "--nan", type=click.Choice(["refuse", "transparent"]), default="refuse", show_default=True, help="NaN and infinity."
-)
+NAN = click.option("--nan", type=click.Choice(["refuse", "transparent"]), help="NaN and infinity.  [default: refuse]")
 WORKERS = click.option("--workers", type=click.IntRange(min=1), help="Processes; by default one per available core.")
 SHARD = click.option("--shard", metavar="I/N", help="Take only every N-th member, beginning with the I-th.")
 ENGINE = click.option("--engine", metavar="dask://HOST:PORT", help="Render on the workers of a Dask cluster.")

@@ -63,7 +63,6 @@ def watch(
     once: bool,
     until_idle: float | None,
     existing: Any,
-    nan: str,
     workers: int | None,
     **reading: Any,
 ) -> None:
@@ -97,8 +96,9 @@ def watch(
         space = space_for(
             catalog, pattern or "", options.ranges, listed(options.units), more_in_files=bool(options.reader)
         )
+        options = options.as_in(looks.catalog.plan if looks.catalog else None)
         options = replace(options, arrays=options.arrays or tuple(filter(None, shown_fields(shown))))
-        plan = looks.options(space)
+        plan, nan = looks.options(space, options), options.nan or "refuse"
         if pattern is None:
             _follow(line, folder, catalog, plan, options, until_idle, existing, nan)
             return

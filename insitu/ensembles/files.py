@@ -70,8 +70,11 @@ class FileEnsemble:
 
         Raises ValueError naming a parameter without bounds, or a name that no member can have.
         """
-        rows = {row.name or member_name(row.parameters): row for row in table.rows}
-        for name, row in rows.items():
+        rows: dict[str, TableRow] = {}
+        for row in table.rows:
+            name = row.name or member_name(row.parameters)
+            if rows.setdefault(name, row) is not row:
+                raise ValueError(f"{rows[name].path} and {row.path} would both be called {name}: give each a name")
             if problem := name_problem(name):
                 raise ValueError(f"{row.path}: {problem}")
         names = table.names

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from catalogs.store.catalog import Catalog
+from catalogs.store.plan import CatalogError
 from catalogs.vocabulary.appearance import Appearance
 from catalogs.vocabulary.parameters import ParameterSpace
 from catalogs.vocabulary.scene import NAN, ViewPlan
@@ -26,6 +27,7 @@ from insitu.hook.traps import no_traps
 from insitu.hook.writer import CatalogWriter
 from insitu.members.beginning import check_new, checked_function, checked_path
 from insitu.members.failures import Failures, called, warn_caller, warn_safely
+from insitu.members.notes import notes_on_catalog
 from insitu.members.planning import PlanOptions, Space, appearances_from, space_from, variations_from
 from insitu.members.request import EXISTING, ON_ERROR, Existing, MemberArguments, OnError, one_of, with_time
 from insitu.members.result import RenderedMember
@@ -178,6 +180,9 @@ class Session:
         if self.catalog is not None:
             with suppress(OSError):  # a catalog that may only be read
                 self.catalog.update_table()
+            if len(self._results) > 1 and not at_once:
+                with suppress(CatalogError, OSError):  # of members that are damaged since
+                    self._writer.once.say("", notes_on_catalog(self.catalog))
         self._writer.catalog = None
 
     def render_member(

@@ -16,7 +16,7 @@ from insitu.members.agreement import agreeing_catalog, create_catalog, notes_on_
 from insitu.members.blank import PictureNote, note_on_pictures
 from insitu.members.conflicts import stored_name, under_stored_name
 from insitu.members.failures import named_disk_errors
-from insitu.members.notes import NO_SPACING, Once
+from insitu.members.notes import NO_SPACING, Once, said_of
 from insitu.members.planning import PlanOptions, check_complete, measure_pilot
 from insitu.members.request import Existing, MemberArguments, MemberRequest, member_request
 from insitu.members.result import PeakMemory, RenderedMember
@@ -42,7 +42,7 @@ class CatalogWriter:
         self.path, self.options = path, options
         self.catalog: Catalog | None = None
         self._progress, self._created = progress, created
-        self.once = Once(warn)
+        self.once = Once(warn, said_of(path))
 
     def find_catalog(self) -> Catalog | None:
         """The catalog, if there is one, made by this process or another; raises ValueError where it has another plan."""

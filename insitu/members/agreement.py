@@ -18,6 +18,7 @@ from insitu.fields.boxes import Box, cameras_around, check_inside, is_smaller, s
 from insitu.members.planning import Pilot, PlanOptions, given_distances, is_catalog, plan_catalog
 
 SOURCE = "source"  # in the provenance of a plan, and of a member: where fields come from
+READING = "reading"  # in the provenance of a plan: choices of a command that its next run takes over
 
 
 def agreeing_catalog(path: Path, options: PlanOptions) -> Catalog | None:
@@ -62,9 +63,11 @@ def disagreements(plan: CatalogPlan, options: PlanOptions) -> list[str]:
         "sample_distances": (distances, recorded.get("sample_distances")),
     }
     given = {place: pair for place, pair in pairs.items() if pair[0] is not None}
-    given |= {key: (value, recorded.get(key)) for key, value in options.provenance.items() if key != SOURCE}
+    given |= {
+        key: (value, recorded.get(key)) for key, value in options.provenance.items() if key not in (SOURCE, READING)
+    }
     if SOURCE in options.provenance and SOURCE in recorded:  # catalogs had none once
-        given[SOURCE] = _place_of(options.provenance[SOURCE]), _place_of(recorded[SOURCE])
+        given[SOURCE] = _places_of(options.provenance[SOURCE], recorded[SOURCE])
     differences = [s for place, (wanted, stored) in given.items() for s in differing(wanted, stored, place)]
     differences += _other_labels(options, plan)
     if options.bounds is not None and not same_box(options.bounds, plan.bounds):
@@ -74,9 +77,14 @@ def disagreements(plan: CatalogPlan, options: PlanOptions) -> list[str]:
     return differences
 
 
-def _place_of(source: Mapping[str, Any]) -> dict[str, Any]:
-    """The source of fields without the contents of files, which are compared member by member."""
-    return {key: value for key, value in source.items() if key != "contents"}
+def _places_of(*sources: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """Sources of fields without the contents of files, which are compared member by member.
+
+    Nor is the name of an array where one of them takes the only array of each file, whatever its name.
+    """
+    counts = [len(source.get("arrays", ())) for source in sources]
+    ignored = {"contents", "arrays"} if sorted(counts) == [0, 1] else {"contents"}
+    return [{key: value for key, value in source.items() if key not in ignored} for source in sources]
 
 
 def _other_labels(options: PlanOptions, plan: CatalogPlan) -> list[str]:

@@ -11,7 +11,7 @@ from catalogs.store.description import check_place
 from catalogs.store.plan import CatalogPlan
 from catalogs.vocabulary.appearance import shown_fields
 from catalogs.vocabulary.scene import ViewPlan
-from insitu.members.planning import Pilot, PlanOptions, check_complete, plan_catalog
+from insitu.members.planning import Pilot, PlanOptions, check_complete, check_steps, plan_catalog
 
 ANY_SIDE = 4096  # pixels: what every OpenGL draws
 UNIT_BOX = (0.0, 0.0, 0.0), (1.0, 1.0, 1.0)
@@ -26,6 +26,8 @@ def check_new(path: Path, options: PlanOptions) -> None:
     ranges = dict.fromkeys(shown_fields(appearances), (0.0, 1.0))
     plan = plan_catalog(Pilot(options.bounds or UNIT_BOX, ranges), options)
     plan.check_recordable()
+    if options.bounds is not None:
+        check_steps(options.sample_distance, options.bounds)
     check_free(path, plan)
     views = options.views or ViewPlan()
     if 2 * max(views.width, views.height) > ANY_SIDE:

@@ -10,8 +10,8 @@ from catalogs.store.summary import FieldSummary
 from catalogs.vocabulary.appearance import Appearance, Isosurface, TransferFunction, VolumeRendering
 
 BLANK, ONE_COLOR = "every picture is blank", "all of the field has one colour"
-CLIPPED = "nearly all of the field has the colours of the transfer function's ends"
-MOST, FAR = 0.9, 20.0  # of a field's values; times the width of the function
+CLIPPED = "much of the field has the colours of the transfer function's ends"
+CLIPPED_FROM = ((0.9, 20.0), (0.25, 200.0))  # of a field's values, and their range in widths of the function
 
 
 class PictureNote(NamedTuple):
@@ -41,11 +41,12 @@ def note_on_pictures(appearance: Appearance, summary: FieldSummary, *, blank: bo
             return PictureNote(
                 appearance.name, ONE_COLOR, f"{values}, the transfer function's from {low:.6g} to {high:.6g}"
             )
-        if summary.clipped_fraction > MOST and summary.maximum - summary.minimum > FAR * (high - low):
+        widths, clipped = (summary.maximum - summary.minimum) / (high - low), summary.clipped_fraction
+        if any(clipped > part and widths > far for part, far in CLIPPED_FROM):
             return PictureNote(
                 appearance.name,
                 CLIPPED,
-                f"{100 * summary.clipped_fraction:.1f} % of its values are clipped, {values}, the function's from {low:.6g} to "
+                f"{100 * clipped:.1f} % of its values are clipped, {values}, the function's from {low:.6g} to "
                 f"{high:.6g}: are they in other units?",
             )
     elif isinstance(appearance, Isosurface) and blank:

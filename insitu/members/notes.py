@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
 
+from catalogs.store.catalog import Catalog
+from catalogs.store.members import Member
 from catalogs.vocabulary.parameters import ParameterSpace
 from catalogs.vocabulary.scene import PlannedMember
 from insitu.members.result import RenderedMember
@@ -13,6 +16,7 @@ NUMBER = re.compile(r"[-+]?\d[\d.]*(?:e[-+]?\d+)?|\binf\b")
 NO_SPACING = (
     "the first field states no spacing, so its values are 1 apart along every axis: pass spacing=(x, y, z) if not"
 )
+LOOKED_THROUGH = 100  # members of a catalog that a session looks through at its end
 FEWEST = 5  # members from which anything between them can be learnt
 
 
@@ -48,8 +52,26 @@ class Once:
                 self._warn(UserWarning(f"in all {len(notes)} of {len(results)} members had this warning: {notes[-1]}"))
 
 
-def notes_on_ensemble(members: Sequence[PlannedMember], space: ParameterSpace) -> list[str]:
-    """Sentences about members that are known before the first is rendered."""
+_SAID: dict[Path, set[str]] = {}
+
+
+def said_of(catalog: Path) -> set[str]:
+    """The kinds of warnings that this process has given of a catalog; none of one that does not exist yet."""
+    place = catalog.absolute()
+    if not (place / "catalog.json").is_file():
+        _SAID.pop(place, None)
+    return _SAID.setdefault(place, set())
+
+
+def notes_on_catalog(catalog: Catalog) -> list[str]:
+    """Sentences about the members that a catalog has so far; none of a large one, of which they were said when it was small."""
+    if not 1 < len(catalog.member_paths()) <= LOOKED_THROUGH:
+        return []
+    return [f"{catalog.path.name} so far: {note}" for note in notes_on_ensemble(catalog.members, catalog.plan.space)]
+
+
+def notes_on_ensemble(members: Sequence[PlannedMember | Member], space: ParameterSpace) -> list[str]:
+    """Sentences about the members of an ensemble, most of them to be rendered yet."""
     notes = []
     for parameter in space.parameters:
         values = [float(member.parameters[parameter.name]) for member in members]

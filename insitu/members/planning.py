@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import tomllib
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
@@ -46,6 +47,7 @@ SPACES = (
     'space must be {name: (low, high)}, {name: (low, high, "unit")}, Parameter(name, low, high, unit, scale) or several of '
     "them, or a ParameterSpace"
 )
+MOST_STEPS = 20_000  # of a ray: beyond, they are lost in the rounding of single precision
 BEST_DECIBELS = 99.0  # recorded where a picture equals its reference: JSON has no infinity
 
 
@@ -224,6 +226,7 @@ def measure_pilot(fields: MemberFields, options: PlanOptions) -> Pilot:
     volumes = [a for a in appearances if isinstance(a, VolumeRendering)]
     cameras = cameras_around(bounds, options.views or ViewPlan())
     check_sizes(appearances, cameras)
+    check_steps(options.sample_distance, bounds)
     if options.sample_distance is not None or not volumes:
         return Pilot(bounds, fields.ranges, quantities=fields.quantities)
     variations, target = options.variations or (), options.target_decibels or TARGET_DECIBELS
@@ -236,6 +239,17 @@ def measure_pilot(fields: MemberFields, options: PlanOptions) -> Pilot:
         fields.quantities,
         {name: distance.change for name, distance in found.items()},
     )
+
+
+def check_steps(distance: float | Mapping[str, float] | None, bounds: Box) -> None:
+    """Raise ValueError for a step of rays that is longer than the box, or that rays would need too many of."""
+    longest = math.dist(*bounds)
+    for step in distance.values() if isinstance(distance, Mapping) else [distance]:
+        if step is not None and not longest / MOST_STEPS <= step <= longest:
+            raise ValueError(
+                f"sample_distance = {step:g} does not fit the box, which is {longest:g} across: the step of rays, in world units, "
+                f"lies between {longest / MOST_STEPS:.3g} and {longest:.3g}"
+            )
 
 
 def combine_pilots(pilots: Sequence[Pilot]) -> Pilot:

@@ -120,6 +120,6 @@ def with_time(
 def member_name(parameters: Mapping[str, float]) -> str:
     """A member's default name: its parameters, or a digest of them where that would be too long or not allowed."""
     text = "_".join(f"{name}-{float(value)!r}" for name, value in parameters.items())
-    text = "".join(c if c.isalnum() or c in "-_." else "-" for c in text)
+    text = "".join(c if c.isalnum() or c in "-_.+" else "-" for c in text)
     fits = len(text) <= LONGEST_NAME and name_problem(text) is None
     return text if fits else "member-" + hashlib.sha256(text.encode()).hexdigest()[:12]

@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 
 from catalogs.vocabulary.numbers import text
 from catalogs.vocabulary.parameters import SPLITS, Parameter, ParameterSpace
-from catalogs.vocabulary.words import shortened
+from catalogs.vocabulary.words import named_values, shortened
 from insitu.readers.attributes import SPLIT_WORDS
 from insitu.readers.folders import files_below
 from insitu.readers.fortran_numbers import printed_number
@@ -152,6 +152,8 @@ def _parsed(text: str, folder: Path, wanted: Sequence[str], more_in_files: bool)
     elif unknown or not other:
         raise ValueError(f"there are no columns {unknown or 'of parameters'}: beside the path it has {other}")
     rows = []
+    if not any(map(any, lines[1:])):
+        raise ValueError("it names no file")
     for line, cells in enumerate(lines[1:], start=2):
         if not any(cell.strip() for cell in cells):
             continue
@@ -269,9 +271,8 @@ def distinct(rows: Sequence[TableRow]) -> tuple[TableRow, ...]:
         seen: dict[object, TableRow] = {}
         for row in rows:
             if (other := seen.setdefault(key(row), row)) is not row:
-                raise ValueError(
-                    f"{other.path} and {row.path} have the same {what}, {dict(row.parameters)}: members must differ"
-                )
+                same = row.name if what == "name" else named_values(row.parameters)
+                raise ValueError(f"{other.path} and {row.path} have the same {what}, {same}: members must differ")
     return tuple(rows)
 
 

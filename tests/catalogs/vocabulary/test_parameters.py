@@ -43,6 +43,12 @@ def test_a_latin_hypercube_has_one_member_in_every_slice(count: int, seed: int) 
         ({"Re": float("inf"), "Ma": 0.0}, "Re"),
         ({"Re": "fast", "Ma": 0.0}, "parameter Re must be a number, got 'fast'"),
         ({"Re": 150.0, "Ma": None}, "parameter Ma must be a number, got None"),
+        ({"Re": 10**400, "Ma": 0.0}, "parameter Re must be finite, got 1000"),
+        (
+            {"Re": 150.0, "Ma": 2**60 + 1},
+            "parameter Ma = 1152921504606846977 has more digits.*would become 1152921504606846976",
+        ),
+        ({"Re": np.int64(2**60 + 1), "Ma": 0.0}, "has more digits"),
     ],
 )
 def test_wrong_parameters_are_named(values: dict[str, Any], message: str) -> None:

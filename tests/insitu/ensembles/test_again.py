@@ -85,3 +85,24 @@ def test_what_may_be_forgotten_is_said_once(folder: Path) -> None:
     )
     assert done.output.count("the first field states no spacing") == 1
     assert done.output.count("all members lie outside the bounds [1000, 10000] of Re") == 1
+
+
+@pytest.mark.slow
+def test_a_rerun_may_name_what_was_chosen_anyway_and_leave_out_what_was_named(folder: Path) -> None:
+    for i in range(4):
+        values = np.random.default_rng(i).random((6, 7, 8)).astype("f4")
+        values[0, 0, 0] = np.nan
+        np.savez(f"r{i}.npz", q=values)
+    Path("all.csv").write_text("path,Re,seed\n" + "".join(f"r{i}.npz,{i},{i % 2}\n" for i in range(4)))
+    how = ["all.csv", "--catalog", "c.cdb"]
+    named = ["--parameters", "Re", "--nan", "transparent", "--size", "8", "--appearance", "look.toml"]
+    whole = Path("r3.npz").read_bytes()
+    Path("r3.npz").write_text("broken")
+    assert "1 member failed" in ensemble(*how, *named).output
+    again = ensemble(*how, "--array", "q")
+    assert "3 were there already" in again.output, again.output
+    Path("r3.npz").write_bytes(whole)
+    last = ensemble(*how)
+    assert last.exit_code == 0, last.output
+    assert {tuple(m.parameters) for m in Catalog.open("c.cdb").members} == {("Re",)}
+    assert "dims" in ensemble(*how, "--dims", "x,y,z").output

@@ -255,3 +255,11 @@ def test_the_command_renders_what_a_pattern_names(tmp_path: Path) -> None:
     assert "3 members rendered" in result.output
     (width,) = Catalog.open(tmp_path / "a.cdb").plan.space.parameters
     assert (width.low, width.high, width.unit) == (0.0, 1.0, "cm")
+
+
+def test_members_whose_names_would_be_alike_are_refused(tmp_path: Path) -> None:
+    write(tmp_path)
+    paths = sorted(tmp_path.rglob("*.npy"))[:2]
+    (tmp_path / "t.csv").write_text(f"path,Re,name\n{paths[0]},1,Re-2.0\n{paths[1]},2,\n")
+    with pytest.raises(ValueError, match=r"would both be called Re-2\.0"):
+        FileEnsemble.of(read_table(tmp_path / "t.csv"))

@@ -47,6 +47,7 @@ def session(path: Path, *appearances: Any, heard: list[str] | None = None) -> Se
         (volume((-3.0, 0.5), (-2.5, 0.0), (0.0, 0.0), (1, 0.5)), FIELD, "opaque below -2.5 and above 0"),
         (volume((-3.0, 0.0), (1.0, 1e-9)), FIELD, "too faint"),
         (volume((0.0, 0.5), (1.0, 0.5)), FIELD, "all of the field has one colour: the field's values run from -2 to -1"),
+        (volume((0.0, 0.0), (1.0, 0.9)), np.where(FIELD < -1.6, 0.5, -1e3 * FIELD), "much of the field has the colours of"),
         (Isosurface("iso", 3.0), FIELD, "every picture is blank: the field's values run from -2 to -1, not through the isovalue 3"),
         (
             Isosurface("iso", -1.5),
@@ -69,7 +70,8 @@ def test_it_is_said_once_a_session_and_recorded_of_every_member(tmp_path: Path) 
     heard: list[str] = []
     with session(tmp_path, HIGH, volume((-2.0, 0.0), (1.0, 0.9), name="seen"), heard=heard) as hook:
         members = [hook.render_member(FIELD - shift, {"a": shift}, spacing=1.0) for shift in (0.0, 0.5, 0.9)]
-    assert len(heard) == 2
+    assert len(heard) == 3
+    assert heard[2] == "a.cdb so far: 3 of 3 members are to learn from: a surrogate needs 5 or more"
     assert heard[1].startswith("in all 3 of 3 members had this warning: dvr: every picture is blank")
     assert [len(member.warnings) for member in members] == [1, 1, 1]
     assert "from -2.9" in members[2].warnings[0]

@@ -1,5 +1,6 @@
 """Warnings of a run: each kind once, with a count at its end, and what members show before the first is rendered."""
 
+import shutil
 from pathlib import Path
 from typing import Any
 
@@ -58,7 +59,26 @@ def test_each_kind_is_given_once_and_counted(tmp_path: Path) -> None:
         "parameter Re = 300 lies outside its bounds [100, 200]: predictions there extrapolate",
         "in all 4 of 4 members had this warning: parameter Re = 303 lies outside its bounds [100, 200]: predictions there "
         "extrapolate",
+        "a.cdb so far: all members lie outside the bounds [100, 200] of Re, from 300 to 303: are the bounds in another unit?",
+        "a.cdb so far: 4 of 4 members are to learn from: a surrogate needs 5 or more",
     ]
+
+
+def test_calls_without_a_session_say_a_thing_once_for_a_catalog(tmp_path: Path) -> None:
+    heard: list[str] = []
+    plan: dict[str, Any] = {"space": {"Re": (100, 200)}, "views": ViewPlan(frequency=1, width=8, height=8)}
+    plan |= {"appearances": VolumeRendering("dvr", FUNCTION), "sample_distance": 0.1, "spacing": SPACING}
+    for name in ("a.cdb", "b.cdb"):
+        for i in range(3):
+            insitu.render_member(
+                blob(), {"Re": 300.0 + i}, catalog=tmp_path / name, warn=lambda note: heard.append(str(note)), **plan
+            )
+    shutil.rmtree(tmp_path / "a.cdb")
+    assert len(heard) == 2
+    insitu.render_member(
+        blob(), {"Re": 9.0}, catalog=tmp_path / "a.cdb", warn=lambda note: heard.append(str(note)), **plan
+    )
+    assert len(heard) == 3
 
 
 def test_notes_of_another_name_are_one_kind() -> None:

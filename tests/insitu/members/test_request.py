@@ -78,3 +78,10 @@ def test_what_is_wrong_with_a_request_is_named(
 ) -> None:
     with pytest.raises(ValueError, match=message):
         member_request(space, KNOWN, MemberArguments(parameters, **changes))
+
+
+def test_names_tell_large_from_small_numbers_and_zero_has_no_sign() -> None:
+    space = ParameterSpace((Parameter("k", -1e30, 1e30),))
+    values = [1e18, 1e-18, -0.0, -1e18]
+    names = [member_request(space, KNOWN, MemberArguments({"k": value})).name for value in values]
+    assert names == ["k-1e+18", "k-1e-18", "k-0.0", "k--1e+18"]
