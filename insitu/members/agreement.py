@@ -77,14 +77,15 @@ def disagreements(plan: CatalogPlan, options: PlanOptions) -> list[str]:
     return differences
 
 
-def _places_of(*sources: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """Sources of fields without the contents of files, which are compared member by member.
+def _places_of(here: Mapping[str, Any], there: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Two sources of fields without the contents of files, which are compared member by member.
 
     Nor is the name of an array where one of them takes the only array of each file, whatever its name.
     """
-    counts = [len(source.get("arrays", ())) for source in sources]
-    ignored = {"contents", "arrays"} if sorted(counts) == [0, 1] else {"contents"}
-    return [{key: value for key, value in source.items() if key not in ignored} for source in sources]
+    counts = sorted(len(source.get("arrays", ())) for source in (here, there))
+    ignored = {"contents", "arrays"} if counts == [0, 1] else {"contents"}
+    first, second = ({key: s[key] for key in s if key not in ignored} for s in (here, there))
+    return first, second
 
 
 def _other_labels(options: PlanOptions, plan: CatalogPlan) -> list[str]:
