@@ -264,7 +264,7 @@ class ParameterSpace:
 
 
 def _number(name: str, value: Any) -> float:
-    """A value as a double, its zero without a sign; raises ValueError where it is no number, or a whole one of too many digits."""
+    """A value as a double, its zero without a sign; raises ValueError for anything but a number, and for a whole one of too many digits."""
     try:
         number = float(value) + 0.0
     except OverflowError:
