@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from typing import Any
@@ -25,9 +26,11 @@ class Commands(click.Group):
         self.extra, self.extras = extra, extras or {}
 
     def invoke(self, context: click.Context) -> Any:
-        """Run the command that was named; raises ClickException where a package is missing."""
+        """Run the command that was named, its warnings as lines; raises ClickException where a package is missing."""
         try:
-            return super().invoke(context)
+            with warnings.catch_warnings():
+                warnings.showwarning = lambda message, *where, **more: click.echo(f"Warning: {message}", err=True)
+                return super().invoke(context)
         except ModuleNotFoundError as error:
             name = str(context.invoked_subcommand)
             raise click.ClickException(remedy(error, f"`{name}`", self.extras.get(name, self.extra))) from error

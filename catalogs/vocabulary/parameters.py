@@ -108,6 +108,15 @@ class Parameter:
         """True if a value lies within the bounds."""
         return -SLACK <= self.fraction(value) <= 1.0 + SLACK
 
+    def note_on(self, values: Sequence[float]) -> str:
+        """A sentence for an ensemble of which no member has a value within the bounds, else ""."""
+        if not values or any(map(self.holds, values)):
+            return ""
+        return (
+            f"all members lie outside the bounds {self.range} of {self.name}, from {self.text(min(values))} to "
+            f"{self.text(max(values))}: are the bounds in another unit?"
+        )
+
     def to_json(self) -> dict[str, Any]:
         """JSON values; a `scale` only where it is "log"."""
         record = asdict(self)
@@ -264,7 +273,7 @@ class ParameterSpace:
 
 
 def _number(name: str, value: Any) -> float:
-    """A value as a double, its zero without a sign; raises ValueError for anything but a number, and for a whole one of too many digits."""
+    """A value as a double, a zero without sign; raises ValueError unless it is a number, and for too many digits of a whole one."""
     try:
         number = float(value) + 0.0
     except OverflowError:

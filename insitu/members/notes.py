@@ -72,14 +72,10 @@ def notes_on_catalog(catalog: Catalog) -> list[str]:
 
 def notes_on_ensemble(members: Sequence[PlannedMember | Member], space: ParameterSpace) -> list[str]:
     """Sentences about the members of an ensemble, most of them to be rendered yet."""
-    notes = []
+    notes: list[str] = []
     for parameter in space.parameters:
         values = [float(member.parameters[parameter.name]) for member in members]
-        if values and not any(map(parameter.holds, values)):
-            notes.append(
-                f"all members lie outside the bounds {parameter.range} of {parameter.name}, from {parameter.text(min(values))} to "
-                f"{parameter.text(max(values))}: are the bounds in another unit?"
-            )
+        notes += filter(None, [parameter.note_on(values)])
         if len(values) > 1 and min(values) == max(values):
             notes.append(
                 f"parameter {parameter.name} is {parameter.text(values[0])} in every member: nothing is learnt of how fields "

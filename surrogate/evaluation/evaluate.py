@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from typing import Any
@@ -30,7 +30,7 @@ from surrogate.evaluation.trivial.interpolation import joint_rules, setting_rule
 from surrogate.evaluation.trivial.members import member_mixtures
 from surrogate.evaluation.trivial.mixtures import Mixtures
 from surrogate.evaluation.trivial.settings import SettingPictures, TrainedPictures
-from surrogate.model import Surrogate
+from surrogate.model import DeformedGaussians, Surrogate
 from surrogate.splatting.threads import one_torch_thread
 
 VERSION = 3
@@ -145,6 +145,11 @@ class _Engine:
     perceptual: PerceptualMetrics
     images: Images
 
+    @property
+    def _at(self) -> Callable[..., DeformedGaussians]:
+        """The surrogate at a member's parameters, which may lie outside the bounds."""
+        return partial(self.surrogate.at, outside="allow")
+
     def cells(
         self, stage: str, cells: CaseCells, validation: Sequence[Case], looked_into: Sequence[Sequence[Case]]
     ) -> tuple[Cells, list[Scored]]:
@@ -152,7 +157,7 @@ class _Engine:
         metrics too."""
         few = {group[i] for group in looked_into for i in spread(len(group), MOST_PERCEPTUAL)}
         cases, progress = [*all_cases(cells), *validation], partial(self.progress, stage)
-        predictor = SurrogatePredictor(self.surrogate.at, self.catalog.plan.background)
+        predictor = SurrogatePredictor(self._at, self.catalog.plan.background)
         [scores] = score_cases(
             predictor, self.images, cases, perceptual=self.perceptual, looked_at=few, progress=progress
         )
@@ -167,7 +172,7 @@ class _Engine:
         def at_middle(case: Case) -> dict[str, float | str]:
             return {**middle, **case.varied}
 
-        frozen = SurrogatePredictor(self.surrogate.at, self.catalog.plan.background, at_middle, (AT_CENTER,))
+        frozen = SurrogatePredictor(self._at, self.catalog.plan.background, at_middle, (AT_CENTER,))
         [scores] = score_cases(frozen, self.images, all_cases(cells), progress=progress)
         return by_cell(cells, scores)
 
@@ -222,7 +227,7 @@ class _Engine:
             nearest = variation.setting(pictures.trained.nearest(pictures.place(case)))
             return {**case.member.parameters, **({} if nearest is None else variation.arguments(nearest))}
 
-        unmoved = SurrogatePredictor(self.surrogate.at, self.catalog.plan.background, at_nearest, (AT_NEAREST,))
+        unmoved = SurrogatePredictor(self._at, self.catalog.plan.background, at_nearest, (AT_NEAREST,))
         unseen = {"unseen_parameters": groups["unseen_parameters"]}
         of_member = self.baselines(stage, mixtures, groups, shown=shown)
         joint = self.joint_baselines(variation, {**unseen, VALIDATION: groups[VALIDATION]})

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator, Sequence
+from functools import partial
 from pathlib import Path
 
 from catalogs.store.catalog import Catalog, CatalogPlan
@@ -109,6 +110,7 @@ def starting(source: Source) -> Iterator[str]:
                 f"{name} is {values.pop()!r} in all members for training, so nothing is learnt of it: render members with other "
                 "values, or leave it out of the parameters"
             )
+    yield from filter(None, [p.note_on([m.parameters[p.name] for m in members]) for p in space.parameters])
     empty, looked_at = empty_images(source)
     if empty > EMPTY_SHARE * looked_at:
         yield (
@@ -128,6 +130,8 @@ def tests_line(catalog: Catalog) -> str:
         return f"no test member shares a run with a training member: {len(runs_of(tests, space))} of {runs} whole runs test"
     if runs == 1:
         return f"all members are dumps of one run (only {names} differs), so dumps of it test: nothing is known of other runs"
+    if runs < FEWEST:
+        return f"the members are dumps of {runs} runs, too few to keep one aside, so dumps of both test: scores flatter"
     return (
         f"{len(shared)} of {len(tests)} test members share a run with a training member (only {names} differs), so their "
         "scores flatter: --hold-out in a new run (-o) keeps whole runs aside, where one lies between others"
@@ -151,6 +155,7 @@ def _budget(run: RunFolder) -> str:
 @one_torch_thread()
 def _score(surrogate: Surrogate, catalog: Catalog) -> str:
     cells = base_cells(catalog, str(surrogate.training["appearance"]))
+    at = partial(surrogate.at, outside="allow")
     for views, parameters, words in (
         ("unseen_views", "unseen_parameters", "unseen views and parameters"),
         ("seen_views", "unseen_parameters", "unseen parameters"),
@@ -159,6 +164,6 @@ def _score(surrogate: Surrogate, catalog: Catalog) -> str:
         group: list[Case] = list(cells[views][parameters])
         if group:
             some = [group[i] for i in spread(len(group), MOST_SCORED)]
-            [found] = score_cases(SurrogatePredictor(surrogate.at, catalog.plan.background), catalog, some)
+            [found] = score_cases(SurrogatePredictor(at, catalog.plan.background), catalog, some)
             return f"PSNR {mean(found.values(), 'psnr'):.2f} dB over {len(some)} test images: {words}"
     return "no image tests it: the catalog has no view and no member that was not learnt from"

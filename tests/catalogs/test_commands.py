@@ -5,12 +5,14 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+import warnings
 from pathlib import Path
 
 import click
 import pytest
+from click.testing import CliRunner
 
-from catalogs.commands import one_line_errors
+from catalogs.commands import Commands, one_line_errors
 
 PROJECT = Path(__file__).resolve().parents[2]
 
@@ -44,3 +46,15 @@ def test_a_reader_that_has_gone_ends_a_command_silently(tmp_path: Path) -> None:
     ended = subprocess.run(command, cwd=PROJECT, stdout=writing, stderr=subprocess.PIPE, text=True, check=False)
     os.close(writing)
     assert ended.stderr == ""
+
+
+def test_a_warning_is_a_line_without_a_place_in_the_source() -> None:
+    @click.group(cls=Commands)
+    def group() -> None:
+        pass
+
+    @group.command()
+    def warned() -> None:
+        warnings.warn("the later one is taken", stacklevel=1)
+
+    assert CliRunner().invoke(group, ["warned"]).output == "Warning: the later one is taken\n"

@@ -87,3 +87,11 @@ def test_runs_of_which_dumps_were_held_out_go_on_and_say_so(tmp_path: Path, monk
         assert said in answer
         assert "nothing to do" in answer
     assert said not in call("train", "flow.cdb", *SMALL, "-o", "runs/new")
+
+
+def test_two_runs_are_too_few_to_keep_one_aside(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    catalog_of(Path("flow.cdb"), 2, 4)
+    answer = call("train", "flow.cdb", *SMALL)
+    assert "the members are dumps of 2 runs, too few to keep one aside" in answer
+    assert "in a new run" not in answer

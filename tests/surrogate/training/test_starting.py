@@ -58,10 +58,11 @@ MANY = [(0.1 * i, 0.9 - 0.1 * i) for i in range(6)]
             (),
             ["q is 0.25 in all members for training, so nothing is learnt of it: render"],
         ),
+        ([(100.0 * p, q) for p, q in MANY[1:]], (), ["all members lie outside the bounds [0, 1] of p, from 10 to 50"]),
         (MANY, (0,), []),
         (MANY, (0, 3), ["4 of 12 training images looked at are empty"]),
     ],
-    ids=["enough", "one", "three", "a constant", "one empty", "two empty"],
+    ids=["enough", "one", "three", "a constant", "other units", "one empty", "two empty"],
 )
 def test_a_sentence_each(
     tmp_path: Path, rows: list[tuple[float, float]], blank: Sequence[int], expected: list[str]
