@@ -102,7 +102,7 @@ class ReadingOptions:
 
     @property
     def record(self) -> dict[str, dict[str, str]]:
-        """What a catalog remembers of the options, beside its source of fields."""
+        """The options that a catalog remembers, beside its source of fields."""
         from insitu.members.agreement import READING
 
         held = {name: getattr(self, name) for name in ("parameters", "names", "split", "reader", "mesh", "nan")}
