@@ -177,8 +177,10 @@ def _claimed(stream: IO[bytes], stored: int, what: str) -> tuple[int, ...]:
     version = np.lib.format.read_magic(stream)
     read = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
     shape, _, kind = read(stream)
+    if kind.hasobject:
+        raise ValueError(f"{what} holds Python objects, which run code when they are read: save numbers")
     size = stream.tell() + math.prod(shape) * kind.itemsize
-    if size != stored and not kind.hasobject:
+    if size != stored:
         raise ValueError(
             f"{what} claims {size} bytes, and has {stored}: it was cut short, or something was added to it"
         )

@@ -14,6 +14,7 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 from insitu.readers.fortran_numbers import respelled
+from insitu.readers.image_files import META, NRRD, read_image
 from insitu.readers.reader import Reader, Sampling, StoredState
 from insitu.readers.whole_files import XDMF, check_whole, parts
 from insitu.readers.xml_files import LARGEST, parsed
@@ -30,6 +31,7 @@ SEVERAL = (
     "{path} holds {count} times, of which the first, {first:g}, is taken: `insitu ensemble` makes a member of each"
 )
 SAYS = "VTK says: "
+UNREADABLE = "a name is not text: were bytes lost before it?"
 
 _reading = threading.Lock()  # VTK's messages come to one place in a process
 
@@ -179,7 +181,7 @@ class _List:
             if not part.is_file():
                 raise ValueError(f"there is no file {part.name}, which it names")
             try:
-                made.SetBlock(place, _OneReader(part).read(0))
+                made.SetBlock(place, _source(part).read(0))
             except ValueError as error:
                 raise ValueError(f"{part.name}: {error}") from None
         return made
@@ -189,7 +191,19 @@ class _List:
         return [self.path.parent / name for name in self.named[self.times[number]]]
 
 
-def _source(path: Path) -> _OneReader | _List:
+class _Image:
+    """A file of one of the formats that we read ourselves, at one time."""
+
+    def __init__(self, path: Path) -> None:
+        self.path, self.times = path, list[float]()
+
+    def read(self, number: int) -> Any:
+        return read_image(self.path)
+
+
+def _source(path: Path) -> _OneReader | _List | _Image:
+    if path.suffix.lower() in NRRD | META:
+        return _Image(path)
     return _List(path) if path.suffix.lower() in LISTS else _OneReader(path)
 
 
@@ -274,7 +288,7 @@ def reported() -> Iterator[None]:
         if threading.get_ident() != own and threading.get_ident() in {thread.ident for thread in threading.enumerate()}:
             before.DisplayErrorText(text)  # of something else in this process
         else:
-            said.append(text)
+            said.append(text or UNREADABLE)
 
     with _reading:
         before, shown = vtkOutputWindow.GetInstance(), vtkObject.GetGlobalWarningDisplay()

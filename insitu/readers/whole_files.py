@@ -24,18 +24,6 @@ XDMF = {".xdmf", ".xmf", ".xdmf3"}
 XML = re.compile(r"\.p?vt[ircsupmt]|\.vtmb|\.vthb?|\.vtp[cd]|\.pvd|\.htg")
 INDEXES = re.compile(r"\.pvt[irsupt]|\.vtmb?|\.vthb?|\.vtp[cd]")
 PART = re.compile(rb"<(?:\w*Piece|DataSet)\b[^>]*?\b(?:Source|file)\s*=\s*[\"']([^\"']+)[\"']")
-NRRD_BYTES = {
-    **dict.fromkeys(("signed char", "int8", "int8_t", "uchar", "unsigned char", "uint8", "uint8_t"), 1),
-    **dict.fromkeys(
-        ("short", "short int", "signed short", "int16", "int16_t", "ushort", "unsigned short", "uint16"), 2
-    ),
-    **dict.fromkeys(("uint16_t", "signed short int", "unsigned short int"), 2),
-    **dict.fromkeys(
-        ("int", "signed int", "int32", "int32_t", "uint", "unsigned int", "uint32", "uint32_t", "float"), 4
-    ),
-    **dict.fromkeys(("longlong", "long long", "int64", "int64_t", "ulonglong", "uint64", "uint64_t", "double"), 8),
-}
-META_BYTES = {"CHAR": 1, "UCHAR": 1, "SHORT": 2, "USHORT": 2, "INT": 4, "UINT": 4, "FLOAT": 4, "DOUBLE": 8}
 
 
 def check_whole(path: Path, depth: int = 0) -> None:
@@ -47,10 +35,6 @@ def check_whole(path: Path, depth: int = 0) -> None:
     _check_room(head.decode("latin-1"))
     if suffix == ".vtk":
         check_legacy(path)
-    elif suffix in (".nrrd", ".nhdr"):
-        _check_nrrd(path, head)
-    elif suffix in (".mhd", ".mha"):
-        _check_meta(path, head)
     elif suffix in XDMF:
         check_sizes(path)
     elif XML.fullmatch(suffix):
@@ -104,14 +88,6 @@ def _samples(counts: Sequence[int]) -> int:
     return 4 * int(math.prod(float(max(0, count)) for count in counts))
 
 
-def check_bytes(path: Path, claimed: int, what: str = "it") -> None:
-    """Raise ValueError unless a file without any structure of its own has exactly as many bytes as a header says."""
-    size = path.stat().st_size
-    if size != claimed:
-        reason = "was it cut short, or is it being written?" if size < claimed else "do they belong together?"
-        raise ValueError(f"{what} has {size} bytes, its header claims {claimed}: {reason}")
-
-
 def _check_ensight(path: Path, text: str) -> None:
     """Raise ValueError where, of one variable's files at several times on a fixed mesh, one is shorter than the others.
 
@@ -132,46 +108,3 @@ def _check_ensight(path: Path, text: str) -> None:
                 b"\n"
             ):  # numbers in text vary in length
                 raise ValueError(f"{part.name} is shorter than {longest.name}: was it cut short?")
-
-
-def _check_nrrd(path: Path, head: bytes) -> None:
-    """The same of an image whose values are raw.  Source: teem's definition of the NRRD format."""
-    text, blank, _ = head.replace(b"\r\n", b"\n").partition(b"\n\n")
-    lines = [line.partition(":") for line in text.decode("latin-1").splitlines() if not line.startswith("#")]
-    said = {key.strip().lower(): value.strip() for key, colon, value in lines if colon}
-    width, sizes = NRRD_BYTES.get(said.get("type", "").lower()), said.get("sizes", "").split()
-    moved = {"line skip", "lineskip", "byte skip", "byteskip"} & set(said)
-    if said.get("encoding", "").lower() != "raw" or not width or moved or not all(size.isdigit() for size in sizes):
-        return
-    claimed = width * math.prod(map(int, sizes))
-    check_room(claimed, "it")
-    name = said.get("data file", said.get("datafile"))
-    if name is None:
-        start = len(text) + len(blank) + head[: len(text) + 64].count(b"\r")
-        check_bytes(path, start + claimed)
-    elif (path.parent / name).is_file():
-        check_bytes(path.parent / name, claimed, name)
-
-
-def _check_meta(path: Path, head: bytes) -> None:
-    """The same of a MetaImage.  Source: ITK's definition of the format."""
-    said: dict[str, str] = {}
-    start = 0
-    for line in head.split(b"\n"):
-        start += len(line) + 1
-        key, equals, value = (part.decode("latin-1").strip() for part in line.partition(b"="))
-        if not equals:
-            break
-        said[key] = value
-        if key == "ElementDataFile":
-            break
-    width, sizes = META_BYTES.get(said.get("ElementType", "").removeprefix("MET_")), said.get("DimSize", "").split()
-    if not width or said.get("CompressedData", "False").lower() == "true" or not all(size.isdigit() for size in sizes):
-        return
-    claimed = width * math.prod(map(int, sizes)) * int(said.get("ElementNumberOfChannels", 1))
-    check_room(claimed, "it")
-    skipped, name = said.get("HeaderSize", "0"), said.get("ElementDataFile", "")
-    if name == "LOCAL":
-        check_bytes(path, start + claimed)
-    elif skipped.isdigit() and (path.parent / name).is_file():
-        check_bytes(path.parent / name, int(skipped) + claimed, name)

@@ -122,7 +122,9 @@ def test_a_raw_file_has_as_many_bytes_as_its_header_says(tmp_path: Path, name: s
     np.testing.assert_array_equal(read_field(tmp_path / name).values, VALUES)
     held = data.read_bytes()
     data.write_bytes(held[:change] if change < 0 else held + bytes(change))
-    with pytest.raises(ValueError, match=f"has {len(held) + change} bytes, its header claims {len(held)}"):
+    with pytest.raises(
+        ValueError, match=f"has {VALUES.nbytes + change} bytes of values, its header claims {VALUES.nbytes}"
+    ):
         read_field(tmp_path / name)
 
 
