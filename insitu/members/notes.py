@@ -49,7 +49,7 @@ class Once:
                 of.setdefault(kind, []).append(note)
         for notes in of.values():
             if len(notes) > 1:
-                self._warn(UserWarning(f"in all {len(notes)} of {len(results)} members had this warning: {notes[-1]}"))
+                self._warn(UserWarning(f"{len(notes)} of {len(results)} members had this warning: {notes[-1]}"))
 
 
 _SAID: dict[Path, set[str]] = {}

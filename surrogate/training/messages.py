@@ -149,7 +149,9 @@ def _budget(run: RunFolder) -> str:
     stages = settings.canonical_steps + settings.deformation_steps
     text = f"{settings.gaussians:,} Gaussians, {chosen.get('steps', stages):,} steps"
     pace, minutes = chosen.get("milliseconds_per_step"), (run.record.asked if run.record else {}).get("minutes")
-    return text + (f" of {pace:.3g} ms, which should take {minutes:g} minutes in all" if pace and minutes else "")
+    if not pace or not minutes:
+        return text
+    return f"{text} of {pace:.3g} ms, which should take {minutes:g} {'minute' if minutes == 1 else 'minutes'} in all"
 
 
 @one_torch_thread()

@@ -57,7 +57,7 @@ def test_each_kind_is_given_once_and_counted(tmp_path: Path) -> None:
     assert [len(result.warnings) for result in results] == [1] * 4
     assert heard == [
         "parameter Re = 300 lies outside its bounds [100, 200]: predictions there extrapolate",
-        "in all 4 of 4 members had this warning: parameter Re = 303 lies outside its bounds [100, 200]: predictions there "
+        "4 of 4 members had this warning: parameter Re = 303 lies outside its bounds [100, 200]: predictions there "
         "extrapolate",
         "a.cdb so far: all members lie outside the bounds [100, 200] of Re, from 300 to 303: are the bounds in another unit?",
         "a.cdb so far: 4 of 4 members are to learn from: a surrogate needs 5 or more",
