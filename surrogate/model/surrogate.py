@@ -81,7 +81,7 @@ class Surrogate:
         Raises ValueError for missing, unknown or non-finite ones, or where no variation has them; warns where one lies out of
         bounds, unless `outside` is "allow".
         """
-        return self._at(self._place({**(values or {}), **parameters}, outside), outside)
+        return self._at(self._place(self._named(values, parameters), outside), outside)
 
     def under(
         self,
@@ -97,7 +97,13 @@ class Surrogate:
         What no training function showed is a guess.  Raises ValueError where the surrogate
         knows no field values (it then learnt colours, or transfer functions by their displacements), or as `at` does.
         """
-        return self._at(self._place({**(values or {}), **parameters}, outside, transfer_function), outside)
+        return self._at(self._place(self._named(values, parameters), outside, transfer_function), outside)
+
+    def _named(self, values: Any, parameters: Mapping[str, Any]) -> dict[str, Any]:
+        """The parameters of both; raises ValueError where `values` are not by name."""
+        if values is not None and not isinstance(values, Mapping):
+            raise ValueError(f"parameters are values by name, for {', '.join(self.space.names)}, got {values!r}")
+        return {**(values or {}), **parameters}
 
     def render(
         self,

@@ -123,11 +123,16 @@ class RunFolder:
         """The path of the catalog, which may be gone."""
         return Path(os.path.normpath(self.folder / (BESIDE if self.record is None else self.record.catalog)))
 
-    @property
+    @cached_property
     def missing(self) -> str:
-        """A sentence where the catalog is gone, with what helps; "" where it is there."""
+        """A sentence where the catalog is gone, or another lies in its place, with what helps; "" where it is there."""
         if self.catalog_path.is_dir():
-            return ""
+            if self._is_of_catalog():
+                return ""
+            return (
+                f"{self.catalog_path} holds other pictures or members than {self.folder} was trained on: put these back, or train "
+                "into another folder (-o)"
+            )
         moved = (
             f": if it was moved, `surrogate train NEW/PLACE/{self.catalog_path.name} -o {self.folder}` finds it again"
         )
@@ -137,13 +142,26 @@ class RunFolder:
     def catalog(self) -> Catalog:
         """The catalog as the run sees it: its members, each with the run's split.
 
-        Raises CatalogError where it is gone or damaged, or lacks members that the run has.
+        Raises CatalogError where it is gone, damaged or another, or lacks members that the run has.
         """
         if self.missing:
             raise CatalogError(self.missing)
+        return self._seen()
+
+    def _seen(self) -> Catalog:
+        """The catalog that lies where the run's was."""
         catalog = Catalog.open(self.catalog_path)
         splits = None if self.record is None else self.record.splits
         return catalog if splits is None else seen_by_run(catalog, splits)
+
+    def _is_of_catalog(self) -> bool:
+        """False where another catalog lies in the place of the one that was learnt; damage and lost members are for others to say."""
+        if self.record is None or self.record.splits is None:
+            return True
+        try:
+            return fingerprint(self.settings, self._seen()) == self.record.fingerprint
+        except (OSError, ValueError):
+            return True
 
     @property
     def settings(self) -> TrainingSettings:

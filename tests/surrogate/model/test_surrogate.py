@@ -231,6 +231,12 @@ def test_absurd_parameters_are_refused_at_once(parameters: dict[str, float], com
         some_surrogate().at(**parameters, outside=outside)
 
 
+@pytest.mark.parametrize("values", [3.0, "Re=3", [1600.0, 1.0]])
+def test_parameters_without_names_are_refused(values: object) -> None:
+    with pytest.raises(ValueError, match="parameters are values by name, for Re, time, got"):
+        some_surrogate().at(values)  # type: ignore[arg-type]
+
+
 def test_absurd_isovalues_are_refused_at_once() -> None:
     with pytest.raises(ValueError, match=r"isovalue = -1e\+06 lies too far outside"):
         varied().at(p=0.3, isovalue=-1e6)

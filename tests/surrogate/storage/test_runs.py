@@ -6,6 +6,7 @@ import pytest
 
 from catalogs.store.catalog import CatalogError
 from catalogs.store.splits import Splits
+from surrogate.storage.checkpoints import fingerprint
 from surrogate.storage.runs import RECORD, RunFolder, RunRecord, path_between
 from tests.support.results import SETTINGS_OF_SCENE, make_catalog
 from tests.support.surrogates import some_surrogate
@@ -18,7 +19,8 @@ def make_run(root: Path) -> Path:
     catalog = make_catalog(root, "flow")
     folder = root / "results" / "mine"
     folder.mkdir(parents=True)
-    RunRecord(path_between(folder, catalog.path), SETTINGS_OF_SCENE.to_json(), SPLITS, "mark").save(folder)
+    mark = fingerprint(SETTINGS_OF_SCENE, catalog.with_splits(SPLITS))
+    RunRecord(path_between(folder, catalog.path), SETTINGS_OF_SCENE.to_json(), SPLITS, mark).save(folder)
     return folder
 
 
@@ -49,6 +51,14 @@ def test_a_catalog_that_lost_members_is_told(tmp_path: Path) -> None:
     folder = make_run(tmp_path)
     shutil.rmtree(tmp_path / "runs/flow/catalog.cdb/members/train-1")
     with pytest.raises(CatalogError, match="lacks members that the run has: train-1"):
+        _ = RunFolder.open(folder).catalog
+
+
+def test_another_catalog_in_the_place_of_the_one_that_was_learnt_is_refused(tmp_path: Path) -> None:
+    folder = make_run(tmp_path)
+    picture = next((tmp_path / "runs/flow/catalog.cdb/members/train-1").rglob("*.png"))
+    picture.write_bytes(picture.read_bytes() + b"other")
+    with pytest.raises(CatalogError, match=r"catalog.cdb holds other pictures or members than .*mine was trained on"):
         _ = RunFolder.open(folder).catalog
 
 
