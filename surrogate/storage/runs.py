@@ -155,7 +155,7 @@ class RunFolder:
         return catalog if splits is None else seen_by_run(catalog, splits)
 
     def _is_of_catalog(self) -> bool:
-        """False where another catalog lies in the place of the one that was learnt; damage and lost members are for others to say."""
+        """False where another catalog lies in the place of the one that was learnt; other damage is for others to say."""
         if self.record is None or self.record.splits is None:
             return True
         try:
