@@ -15,7 +15,7 @@ import numpy as np
 
 from catalogs.engines.engine import Engine
 from catalogs.engines.executors import OnExecutor
-from catalogs.store.catalog import Catalog
+from catalogs.store.catalog import Catalog, Member
 from catalogs.store.missing import report_missing
 from catalogs.vocabulary.farthest import farthest_points
 from catalogs.vocabulary.parameters import ParameterSpace
@@ -276,10 +276,20 @@ def _present(
     """Names of stored members that stay, and of those to render anew; raises ValueError where `existing` forbids these."""
     if made is None:
         return set(), frozenset()
-    changed = [] if existing == "skip" else _changed_members(made, members, source)
+    stored = _stored(made, members)
+    changed = [] if existing == "skip" else _changed_members(made, members, source, stored)
     if existing == "error":
         _refuse_changed(path, changed)
-    return {m.name for m in made.members} - set(changed), frozenset(changed)
+    return stored.keys() - set(changed), frozenset(changed)
+
+
+def _stored(catalog: Catalog, members: Sequence[PlannedMember]) -> dict[str, Member]:
+    """Stored members by the names of planned ones: of the same name, else of the same parameters."""
+    found, names = catalog.members, catalog.plan.space.names
+    by_name = {m.name: m for m in found}
+    by_values = {tuple(m.parameters[n] for n in names): m for m in found}
+    same = {m.name: by_name.get(m.name) or by_values.get(tuple(m.parameters[n] for n in names)) for m in members}
+    return {name: member for name, member in same.items() if member is not None}
 
 
 def _unread(source: FieldSource, path: Path) -> dict[str, str]:
@@ -295,16 +305,17 @@ def _split_off(
     return [run for run in todo if run], tuple(m.name for run in runs for m in run if m.name in present)
 
 
-def _changed_members(catalog: Catalog, members: Sequence[PlannedMember], source: FieldSource) -> list[str]:
-    """Stored members whose file holds something else now; of a catalog without any of them, the first if the plan's does."""
+def _changed_members(
+    catalog: Catalog, members: Sequence[PlannedMember], source: FieldSource, stored: Mapping[str, Member]
+) -> list[str]:
+    """Planned members whose file holds something else than was stored; where none is stored, the first if the plan's does."""
     if not isinstance(source, FileSource):
         return []
-    planned = {m.name: m for m in members}
-    stored = [m for m in catalog.members if m.name in planned]
     if not stored:
         before = catalog.plan.provenance.get(SOURCE, {})
         return [m.name for m in members[:1] if source.is_changed(m, before)]
-    return [m.name for m in stored if source.is_changed(planned[m.name], m.provenance.get(SOURCE, {}))]
+    held = [m for m in members if m.name in stored]
+    return [m.name for m in held if source.is_changed(m, stored[m.name].provenance.get(SOURCE, {}))]
 
 
 def _refuse_changed(path: Path, changed: Sequence[str]) -> None:

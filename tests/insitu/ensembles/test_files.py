@@ -263,3 +263,19 @@ def test_members_whose_names_would_be_alike_are_refused(tmp_path: Path) -> None:
     (tmp_path / "t.csv").write_text(f"path,Re,name\n{paths[0]},1,Re-2.0\n{paths[1]},2,\n")
     with pytest.raises(ValueError, match=r"would both be called Re-2\.0"):
         FileEnsemble.of(read_table(tmp_path / "t.csv"))
+
+
+def test_members_stored_under_another_name_are_there_already(tmp_path: Path) -> None:
+    write(tmp_path)
+    paths = sorted(tmp_path.rglob("*.npy"))[:3]
+    named = "".join(f"{path},{i},first-{i}\n" for i, path in enumerate(paths[:2]))
+    others = "".join(f"{path},{i},\n" for i, path in enumerate(paths))
+    how = ["--catalog", str(tmp_path / "a.cdb"), "--bounds", "Re", "0", "2", "--workers", "1"]
+    (tmp_path / "look.toml").write_text(APPEARANCE)
+    for rows, added in ((named, ["--size", "8", "--appearance", str(tmp_path / "look.toml")]), (others, [])):
+        (tmp_path / "t.csv").write_text("path,Re,name\n" + rows)
+        done = CliRunner().invoke(main, ["ensemble", str(tmp_path / "t.csv"), *how, *added])
+        assert done.exit_code == 0, done.output
+    assert "2 were there already" in done.output
+    made = Catalog.open(tmp_path / "a.cdb")
+    assert ([m.name for m in made.members], made.missing) == (["Re-2.0", "first-0", "first-1"], ())
