@@ -176,19 +176,39 @@ class _List:
     def read(self, number: int) -> Any:
         from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet
 
-        made = vtkMultiBlockDataSet()
-        for place, part in enumerate(self.named_at(number)):
+        found: dict[object, tuple[Path, Any]] = {}
+        for part in self.named_at(number):
             if not part.is_file():
                 raise ValueError(f"there is no file {part.name}, which it names")
+            if part.suffix.lower() in LISTS:
+                raise ValueError(f"it names {part.name}, which is a list of files itself")
             try:
-                made.SetBlock(place, _source(part).read(0))
+                held = _source(part).read(0)
             except ValueError as error:
                 raise ValueError(f"{part.name}: {error}") from None
+            same = _alike(held) if held.IsA("vtkDataSet") else part
+            if same in found:
+                both = f"{found[same][0].name} and {part.name} of time {self.times[number]:g} fill the same box"
+                warnings.warn(f"{both}: the later one is taken", stacklevel=2)
+            found[same] = part, held
+        made = vtkMultiBlockDataSet()
+        for place, (_, held) in enumerate(found.values()):
+            made.SetBlock(place, held)
         return made
 
     def named_at(self, number: int) -> list[Path]:
         """The files of a time."""
         return [self.path.parent / name for name in self.named[self.times[number]]]
+
+
+def _alike(held: Any) -> object:
+    """The same for data sets of one box, as many points and cells, and the same arrays: one was written again by a restart."""
+    names = (
+        part.GetArrayName(i)
+        for part in (held.GetPointData(), held.GetCellData())
+        for i in range(part.GetNumberOfArrays())
+    )
+    return held.GetBounds(), held.GetNumberOfPoints(), held.GetNumberOfCells(), tuple(names)
 
 
 class _Image:

@@ -56,8 +56,12 @@ def check_whole(path: Path, depth: int = 0) -> None:
 def parts(path: Path) -> Iterator[Path]:
     """The files that one of VTK's XML files names, each once."""
     if INDEXES.fullmatch(path.suffix.lower()) and path.stat().st_size <= LARGEST:
-        for name in dict.fromkeys(PART.findall(path.read_bytes())):
-            yield path.parent / name.decode("utf-8", "replace")
+        named = [name.decode("utf-8", "replace") for name in PART.findall(path.read_bytes())]
+        twice = [name for name in dict.fromkeys(named) if named.count(name) > 1] if len(set(named)) < len(named) else []
+        if twice and path.suffix.lower().startswith(".pvt"):
+            raise ValueError(f"it names {twice[0]} for two of its pieces: is another one missing?")
+        for name in dict.fromkeys(named):
+            yield path.parent / name
 
 
 def _check_end(path: Path) -> None:
