@@ -59,15 +59,32 @@ def check_cells(mesh: Any) -> None:
         raise ValueError("the cells' offsets do not follow each other: the mesh is damaged")
     faces = mesh.GetPolyhedronFaces()
     for held in (corners, *([] if faces is None else [vtk_to_numpy(faces.GetConnectivityArray())])):
-        if len(held) and not 0 <= held.min() <= held.max() < count:
-            wrong = held.max() if held.max() >= count else held.min()
-            raise ValueError(f"cells have point {wrong}, of {count} points: the mesh is damaged")
+        _check_corners(held, count)
     cell, types = vtkGenericCell(), cell_types(mesh)
     for kind in np.unique(types):
         cell.SetCellType(int(kind))
         fixed = cell.GetNumberOfPoints()
         if kind in FIXED and (lengths[types == kind] != fixed).any():
             raise ValueError(f"cells of type {kind} must have {fixed} points: the mesh is damaged")
+
+
+def check_blocks(data: Any) -> None:
+    """The same of a vtkExplicitStructuredGrid, whose cells have eight points each."""
+    from vtkmodules.util.numpy_support import vtk_to_numpy
+
+    cells, points, count = data.GetCells(), data.GetNumberOfPoints(), data.GetNumberOfCells()
+    if cells is None or not points or not count:
+        raise ValueError(f"the {data.GetClassName()} is empty: it lacks points or cells")
+    corners = vtk_to_numpy(cells.GetConnectivityArray())
+    if len(corners) != 8 * count or cells.GetNumberOfCells() != count:
+        raise ValueError(f"{count} cells must have eight points each, got {len(corners)}: the mesh is damaged")
+    _check_corners(corners, points)
+
+
+def _check_corners(corners: NDArray[Any], count: int) -> None:
+    if len(corners) and not 0 <= corners.min() <= corners.max() < count:
+        wrong = corners.max() if corners.max() >= count else corners.min()
+        raise ValueError(f"cells have point {wrong}, of {count} points: the mesh is damaged")
 
 
 def straight(mesh: Any) -> Any:

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from render.cell_types import cell_types, centers, check_cells, extracted, straight
+from render.cell_types import cell_types, centers, check_blocks, check_cells, extracted, straight
 
 NO_CELLS = (
     1 | 8 | 16 | 32
@@ -55,16 +55,20 @@ def _refined(data: Any) -> Any:
 def plain(data: Any) -> Any:
     """Data as a vtkDataSet whose cells VTK's filters handle; None where they are of no such kind.
 
-    Filters for unstructured grids write beyond their memory where an explicit structured grid has hidden cells.
+    Filters for unstructured grids write beyond their memory where an explicit structured grid has hidden cells.  Raises ValueError
+    where the data set is damaged so that VTK would read memory of others.
     """
     if data.IsA("vtkHyperTreeGrid"):
         from vtkmodules.vtkFiltersHyperTree import vtkHyperTreeGridToUnstructuredGrid
 
         return _converted(vtkHyperTreeGridToUnstructuredGrid(), data)
     if data.IsA("vtkExplicitStructuredGrid"):
+        check_blocks(data)
         from vtkmodules.vtkFiltersCore import vtkExplicitStructuredGridToUnstructuredGrid
 
         return _converted(vtkExplicitStructuredGridToUnstructuredGrid(), data)
+    if data.IsA("vtkUnstructuredGrid"):
+        check_cells(data)
     return data if data.IsA("vtkDataSet") else None
 
 
@@ -119,8 +123,6 @@ def _appended(data: list[Any]) -> Any:
 
 def _present(data: Any) -> Any:
     """The volume cells of a data set but ghosts and hidden ones; the data set itself where it has no others."""
-    if data.IsA("vtkUnstructuredGrid"):
-        check_cells(data)
     absent = absent_cells(data, NO_CELLS)
     if data.IsA("vtkUnstructuredGrid"):
         flat = _flat(data)

@@ -74,3 +74,27 @@ def test_an_image_with_too_few_values_is_refused() -> None:
     few_values(image)
     with pytest.raises(ValueError, match="array 'f' has 10 values for 64 points"):
         to_grid(image)
+
+
+@pytest.mark.parametrize("kind", [pyvista.UnstructuredGrid, pyvista.ExplicitStructuredGrid])
+@pytest.mark.parametrize("number", [64, 10**6, -1])
+@pytest.mark.parametrize("in_blocks", [False, True])
+def test_points_are_checked_before_anything_is_asked_of_the_cells(
+    kind: type[Any], number: int, in_blocks: bool
+) -> None:
+    found = pyvista.ImageData(dimensions=(4, 4, 4)).cast_to_unstructured_grid()  # of voxels
+    if kind is pyvista.ExplicitStructuredGrid:
+        found = pyvista.ImageData(dimensions=(4, 4, 4)).cast_to_structured_grid().cast_to_explicit_structured_grid()
+    found.point_data["f"] = np.arange(64.0)
+    point(number)(found)
+    with pytest.raises(ValueError, match=f"cells have point {number}, of 64 points: the mesh is damaged"):
+        to_grid(pyvista.MultiBlock([found]) if in_blocks else found, array="f", warn=False)
+
+
+def test_an_explicit_grid_without_cells_is_refused() -> None:
+    with pytest.raises(ValueError, match="is empty"):
+        to_grid(vtk.vtkExplicitStructuredGrid())
+    sized = vtk.vtkExplicitStructuredGrid()
+    sized.SetDimensions(4, 4, 4)
+    with pytest.raises(ValueError, match="is empty"):
+        to_grid(sized)
