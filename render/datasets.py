@@ -76,14 +76,10 @@ def to_grid(
     Raises ValueError naming what is wrong with shape, type, range, spacing or values, and TypeError for other data.
     """
     if isinstance(data, Grid):
-        if spacing is not None or origin is not None:
-            raise ValueError("a Grid has its own spacing and origin")
+        _check_own_place("Grid", spacing, origin, None)
         return data
     if hasattr(data, "IsA") and hasattr(data, "GetClassName"):
-        if spacing is not None or origin is not None:
-            raise ValueError(f"a {data.GetClassName()} has its own spacing and origin: leave them out")
-        if dims is not None:
-            raise ValueError(f"a {data.GetClassName()} knows its own axes: leave dims out")
+        _check_own_place(data.GetClassName(), spacing, origin, dims)
         return _with_warnings(_grid_of_data_set(data, array, nan), warn)
     if is_labelled_set(data):
         data, array = chosen(data, array), None
@@ -104,6 +100,15 @@ def to_grid(
         order = axis_order("012", dims)
         values = values.transpose([int(order[letter]) for letter in "zyx"])
     return checked_grid(values, 1.0 if spacing is None else spacing, 0.0 if origin is None else origin, nan)
+
+
+def _check_own_place(
+    kind: str, spacing: ArrayLike | None, origin: ArrayLike | None, dims: Sequence[str] | None
+) -> None:
+    if spacing is not None or origin is not None:
+        raise ValueError(f"a {kind} has its own spacing and origin: leave them out")
+    if dims is not None:
+        raise ValueError(f"a {kind} knows its own axes: leave dims out")
 
 
 def _with_warnings(grid: Grid, warn: bool) -> Grid:

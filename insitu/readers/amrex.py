@@ -70,9 +70,9 @@ def _merge(
     plotfile: Plotfile, name: str, number: int, factors: tuple[int, int, int], values: NDArray[np.floating]
 ) -> None:
     """Fill `values` [nz, ny, nx] with means over `factors` cells (x, y, z) of a level, a slab of planes at a time."""
-    level, cells = plotfile.levels[number], Component(plotfile, plotfile.names.index(name))
+    level, cells = plotfile.levels[number], PlotfileComponent(plotfile, plotfile.names.index(name))
     shares = next((i for i, other in enumerate(plotfile.names) if other.lower() in SHARES and other != name), None)
-    shared = None if shares is None else Component(plotfile, shares)
+    shared = None if shares is None else PlotfileComponent(plotfile, shares)
     (nx, ny, nz), kz = level.counts, factors[2]
     thickness = kz * max(1, SLAB // (8 * nx * ny * kz))
     for begin in range(0, nz, thickness):
@@ -115,7 +115,7 @@ def _means(
     return np.divide(total, counts, out=np.full(total.shape, np.nan), where=counts > 0)
 
 
-class Component:
+class PlotfileComponent:
     """A component of a plotfile, slab by slab.  `largest` is the absolute value of what has been read."""
 
     def __init__(self, plotfile: Plotfile, number: int) -> None:

@@ -32,7 +32,7 @@ SINGLE = 4e-7  # and of their size, which is in single precision
 
 
 @dataclass(frozen=True, eq=False)
-class Blocks:
+class MeshBlocks:
     """The blocks of a file on the finest level of any.
 
     Attributes
@@ -107,7 +107,7 @@ def read(path: Path, array: str | None, index: tuple[int, ...], sampling: Sampli
         return _placed(file, blocks, values, name, float(time))
 
 
-def _placed(file: h5py.File, blocks: Blocks, values: NDArray[Any], name: str, time: float) -> Field | LabelledArray:
+def _placed(file: h5py.File, blocks: MeshBlocks, values: NDArray[Any], name: str, time: float) -> Field | LabelledArray:
     """The values at the centres of their cells."""
     spans = [_numbers(file, f"RootGridX{axis}", 3) for axis in (1, 2, 3)]
     is_even = all(span[2] == 1 for span in spans)
@@ -129,7 +129,7 @@ def _placed(file: h5py.File, blocks: Blocks, values: NDArray[Any], name: str, ti
     return Field(values, (x, y, z), (float(i), float(j), float(k)), name, time=time)
 
 
-def _blocks(file: h5py.File) -> Blocks:
+def _blocks(file: h5py.File) -> MeshBlocks:
     """The blocks; raises ValueError where they do not fill the domain."""
     root, size = (_whole(_numbers(file, name, 3), name) for name in ("RootGridSize", "MeshBlockSize"))
     levels, places = _data_set(file, "Levels")[()], _data_set(file, "LogicalLocations")[()]
@@ -154,12 +154,12 @@ def _blocks(file: h5py.File) -> Blocks:
     starts = places.astype(np.int64) * np.array(size) * ratios[:, None]
     if (starts < 0).any() or (starts + ratios[:, None] * size > counts).any():
         raise ValueError("its blocks leave the domain: a slice, or an output with ghost zones, cannot be read")
-    blocks = Blocks(counts, size, ratios, starts)
+    blocks = MeshBlocks(counts, size, ratios, starts)
     blocks.check_full()
     return blocks
 
 
-def _faces(file: h5py.File, blocks: Blocks, axis: int) -> NDArray[np.float64]:
+def _faces(file: h5py.File, blocks: MeshBlocks, axis: int) -> NDArray[np.float64]:
     """The faces of cells along an axis, as the blocks say; NaN where only coarser ones lie."""
     held = _data_set(file, f"x{axis + 1}f")[()].astype(np.float64)
     if held.shape != (len(blocks.ratios), blocks.size[axis] + 1):

@@ -34,7 +34,7 @@ NUMBER = re.compile(r"\d{1,19}")
 
 
 @dataclass(frozen=True, eq=False)
-class Component:
+class MeshComponent:
     """One array of a record: a data set, or the group that stands for a constant one; `record` has the mesh's attributes."""
 
     record: h5py.Group | h5py.Dataset
@@ -100,17 +100,17 @@ def _iterations(path: Path) -> Iterator[dict[int, h5py.Group]]:
         yield held
 
 
-def _components(iteration: h5py.Group, meshes: str) -> dict[str, Component]:
+def _components(iteration: h5py.Group, meshes: str) -> dict[str, MeshComponent]:
     """All components of an iteration's meshes, by name."""
     found = {}
     parent = _inside(iteration, meshes) if meshes.strip("/") else None
     for name in parent or ():
         record = _child(parent, name)
         if _is_component(record):
-            found[name] = Component(record, record)
+            found[name] = MeshComponent(record, record)
         elif isinstance(record, h5py.Group):
             inner = {f"{name}_{part}": _child(record, part) for part in record}
-            found |= {full: Component(record, held) for full, held in inner.items() if _is_component(held)}
+            found |= {full: MeshComponent(record, held) for full, held in inner.items() if _is_component(held)}
     return found
 
 
@@ -120,7 +120,7 @@ def _is_component(held: Any) -> bool:
     return isinstance(held, h5py.Group) and "value" in held.attrs and "shape" in held.attrs
 
 
-def _chosen(array: str | None, components: Mapping[str, Component]) -> str:
+def _chosen(array: str | None, components: Mapping[str, MeshComponent]) -> str:
     """The component that is asked for, as E_x or E/x, or the only one with three axes."""
     wanted = None if array is None else array.replace("/", "_")
     if wanted in components:
@@ -146,13 +146,13 @@ def _child(group: h5py.Group, name: str) -> Any:
 # ---- one component ---------------------------------------------------------------------------------------------------
 
 
-def _field(component: Component, name: str, time: float | None) -> Field:
+def _field(component: MeshComponent, name: str, time: float | None) -> Field:
     order, spacing, origin = _place(component)
     values = _values(component).transpose([order.index(letter) for letter in "zyx"])
     return Field(values, spacing, origin, name, _unit(component.record), time)
 
 
-def _place(component: Component) -> tuple[str, tuple[float, float, float], tuple[float, float, float]]:
+def _place(component: MeshComponent) -> tuple[str, tuple[float, float, float], tuple[float, float, float]]:
     """The letters of an array's axes in its own order, and spacing and place of the first value, (x, y, z), metres."""
     about = component.record.attrs
     geometry = _text(component.record, "geometry", "cartesian")
@@ -179,7 +179,7 @@ def _place(component: Component) -> tuple[str, tuple[float, float, float], tuple
     return "".join(labels if data_order == "C" else reversed(labels)), (x, y, z), (i, j, k)
 
 
-def _values(component: Component) -> NDArray[Any]:
+def _values(component: MeshComponent) -> NDArray[Any]:
     """The values in SI units, in the array's own order; as they are stored where their factor is 1."""
     held, factor = component.held, float(_numbers(component.held.attrs, "unitSI", 1.0)[0])
     kind = held.dtype if isinstance(held, h5py.Dataset) else np.asarray(held.attrs["value"]).dtype

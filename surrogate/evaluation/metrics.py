@@ -92,7 +92,7 @@ def foreground(rgba: NDArray[Any], background: Sequence[float] | None) -> NDArra
 
 
 @dataclass(frozen=True, eq=False)
-class Truth:
+class TrueImage:
     """An image that predictions are compared with.
 
     Attributes
@@ -134,8 +134,8 @@ class Truth:
 
 
 def score(truth: NDArray[Any], prediction: NDArray[Any], background: Sequence[float] | None) -> Score:
-    """Compare premultiplied RGBA images (H, W, 4), uint8 or float32; see `Truth`."""
-    return Truth(truth, background).score(prediction)
+    """Compare premultiplied RGBA images (H, W, 4), uint8 or float32; see `TrueImage`."""
+    return TrueImage(truth, background).score(prediction)
 
 
 def _squares(truth: NDArray[np.float32], prediction: NDArray[np.float32]) -> NDArray[np.float64]:

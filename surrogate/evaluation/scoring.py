@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from surrogate.evaluation.cases import Case, CaseCells, each_cell
-from surrogate.evaluation.metrics import MOST_DECIBELS, Score, Truth, decibels
+from surrogate.evaluation.metrics import MOST_DECIBELS, Score, TrueImage, decibels
 from surrogate.evaluation.perceptual import Perceptual, PerceptualMetrics
 from surrogate.evaluation.pictures import Images
 from surrogate.evaluation.predictor import Draw, Predictor
@@ -31,7 +31,7 @@ DEFINITIONS = {
 
 Report = Callable[[str, int, int], None]  # stage, done, total
 Progress = Callable[[int, int], None]  # done, total
-Metrics = Callable[[Truth, NDArray[Any]], Score]
+Metrics = Callable[[TrueImage, NDArray[Any]], Score]
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,10 +62,10 @@ def mean(scored: Iterable[Scored], metric: str) -> float | None:
 
 def compare(
     case: Case,
-    truth: Truth,
+    truth: TrueImage,
     picture: NDArray[Any],
     perceptual: PerceptualMetrics | None = None,
-    metrics: Metrics = Truth.score,
+    metrics: Metrics = TrueImage.score,
 ) -> Scored:
     """Score a prediction of `case`, premultiplied RGBA (H, W, 4), uint8 or float32."""
     looked = None if perceptual is None else perceptual.score(truth.displayed, truth.composite(picture))
@@ -80,7 +80,7 @@ def score_cases(
     perceptual: PerceptualMetrics | None = None,
     looked_at: Collection[Case] = (),
     progress: Progress = lambda *_: None,
-    metrics: Metrics = Truth.score,
+    metrics: Metrics = TrueImage.score,
 ) -> list[dict[Case, Scored]]:
     """Score a predictor on images of a catalog: for each of its names the scores of all predictable cases, in order.
 
@@ -88,7 +88,7 @@ def score_cases(
     """
 
     def scored(case: Case, draw: Draw) -> list[Scored]:
-        truth = Truth(images.image(case.member, case.appearance, case.view), images.plan.background)
+        truth = TrueImage(images.image(case.member, case.appearance, case.view), images.plan.background)
         looking = perceptual if case in looked_at else None
         return [compare(case, truth, picture, looking, metrics) for picture in draw(case)]
 

@@ -10,7 +10,7 @@ import numpy as np
 from catalogs.store.catalog import Member
 from catalogs.vocabulary.parameters import ParameterSpace
 from surrogate.evaluation.cases import VALIDATION, Case, drawn
-from surrogate.evaluation.metrics import Truth
+from surrogate.evaluation.metrics import TrueImage
 from surrogate.evaluation.pictures import Images
 from surrogate.evaluation.scoring import mean, score_cases
 from surrogate.evaluation.trivial.interpolation import fixed_rules, tuned_rules
@@ -28,7 +28,7 @@ def member_mixtures(
     tuning = drawn([case for case in watched if case.member.split == VALIDATION], TUNING_IMAGES)
     families = tuned_rules() if tuning else []
     tried = Mixtures(images, pictures, {name: rule for family in families for name, rule in family.items()})
-    scores = score_cases(tried, images, tuning, metrics=Truth.psnr_alone) if families else []
+    scores = score_cases(tried, images, tuning, metrics=TrueImage.psnr_alone) if families else []
     psnr = {name: mean(found.values(), "psnr") for name, found in zip(tried.names, scores, strict=True)}
     for family in families:
         values = [psnr[name] for name in family]

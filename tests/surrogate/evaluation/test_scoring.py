@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from surrogate.evaluation.cases import Case, cases_of
-from surrogate.evaluation.metrics import Score, Truth, score
+from surrogate.evaluation.metrics import Score, TrueImage, score
 from surrogate.evaluation.perceptual import Perceptual, PerceptualMetrics
 from surrogate.evaluation.predictor import SurrogatePredictor
 from surrogate.evaluation.scoring import Scored, compare, mean, score_cases, spread
@@ -50,7 +50,7 @@ def test_a_comparison_is_what_its_parts_are(background: tuple[float, float, floa
     alpha = (random.random((16, 16, 1)) > 0.5) * np.ones((16, 16, 1)) if background is None else np.ones((16, 16, 1))
     truth = np.concatenate([random.random((16, 16, 3)) * alpha, alpha], axis=-1).astype(np.float32)
     picture = np.clip(truth + 0.1 * random.standard_normal(truth.shape), 0, 1).astype(np.float32)
-    found = compare(Case(None, 0, "dvr"), Truth(truth, background), picture, Counting())  # type: ignore[arg-type]
+    found = compare(Case(None, 0, "dvr"), TrueImage(truth, background), picture, Counting())  # type: ignore[arg-type]
     behind = np.array(background or (1.0, 1.0, 1.0))
     pair = [np.clip(image[..., :3] + (1 - image[..., 3:]) * behind, 0, 1) for image in (truth, picture)]
     assert found.score == score(truth, picture, background)

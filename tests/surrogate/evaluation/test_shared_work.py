@@ -9,7 +9,7 @@ import pytest
 from catalogs.files.images import premultiply
 from catalogs.store.catalog import Catalog
 from surrogate.evaluation.cases import Case, base_cells, cases_of
-from surrogate.evaluation.metrics import Truth, composite, decibels, score
+from surrogate.evaluation.metrics import TrueImage, composite, decibels, score
 from surrogate.evaluation.pictures import DecodedImages
 from surrogate.evaluation.predictor import SurrogatePredictor
 from surrogate.evaluation.scoring import score_cases
@@ -57,7 +57,7 @@ def test_metrics_are_those_of_their_definitions(dtype: str, background: tuple[fl
     found = score(truth, other, background)
     assert found.squared_error == pytest.approx(squares.mean(), rel=1e-12)
     assert found.psnr_foreground == pytest.approx(decibels(squares[shown].mean()), rel=1e-12)
-    alone = Truth(truth, background).psnr_alone(other)
+    alone = TrueImage(truth, background).psnr_alone(other)
     assert (alone.psnr, alone.squared_error) == (found.psnr, found.squared_error)
 
 
