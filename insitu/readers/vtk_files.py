@@ -82,7 +82,11 @@ def read(path: Path, array: str | None, index: tuple[int, ...] = (), sampling: S
     held = [block for block in (blocks(found) if is_composite else [plain(found)]) if block is not None]
     if is_composite and not held:
         raise ValueError("it holds no block with cells")
-    return _only(array, held, found) if array is not None else held[0] if len(held) == 1 else found
+    if array is not None:
+        return _only(array, held, found, path)
+    if is_composite and len(last := _once(held, path)) < len(held):
+        return last[0] if len(last) == 1 else _joined(last)
+    return held[0] if len(held) == 1 else found
 
 
 @contextmanager
@@ -112,23 +116,31 @@ def _named(path: Path, number: int, error: ValueError) -> ValueError:
     return error
 
 
-def _only(array: str, held: Sequence[Any], found: Any) -> Any:
+def _only(array: str, held: Sequence[Any], found: Any, path: Path) -> Any:
     """The data sets that have an array, without the others; raises ValueError listing them where there is no such array."""
-    from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet
-
     if not held:
         return found
     wanted = chosen_array(held, array, "it has")
-    made = vtkMultiBlockDataSet()
-    for number, block in enumerate(held):
+    copies = []
+    for block in held:
         copy = block.NewInstance()
         copy.ShallowCopy(block)
         for on_cells, part in ((False, copy.GetPointData()), (True, copy.GetCellData())):
             for name in [part.GetArrayName(i) for i in range(part.GetNumberOfArrays())]:
                 if name and (name, on_cells) != wanted and not name.startswith("vtk"):
                     part.RemoveArray(name)
-        made.SetBlock(number, copy)
-    return made.GetBlock(0) if len(held) == 1 else made
+        copies.append(copy)
+    copies = _once(copies, path)
+    return copies[0] if len(copies) == 1 else _joined(copies)
+
+
+def _joined(held: Sequence[Any]) -> Any:
+    from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet
+
+    made = vtkMultiBlockDataSet()
+    for number, block in enumerate(held):
+        made.SetBlock(number, block)
+    return made
 
 
 # ---- one file ---------------------------------------------------------------------------------------------------------
@@ -176,29 +188,33 @@ class _List:
     def read(self, number: int) -> Any:
         from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet
 
-        found: dict[object, tuple[Path, Any]] = {}
-        for part in self.named_at(number):
+        made = vtkMultiBlockDataSet()
+        for place, part in enumerate(self.named_at(number)):
             if not part.is_file():
                 raise ValueError(f"there is no file {part.name}, which it names")
             if part.suffix.lower() in LISTS:
                 raise ValueError(f"it names {part.name}, which is a list of files itself")
             try:
-                held = _source(part).read(0)
+                made.SetBlock(place, _source(part).read(0))
             except ValueError as error:
                 raise ValueError(f"{part.name}: {error}") from None
-            same = _alike(held) if held.IsA("vtkDataSet") else part
-            if same in found:
-                both = f"{found[same][0].name} and {part.name} of time {self.times[number]:g} fill the same box"
-                warnings.warn(f"{both}: the later one is taken", stacklevel=2)
-            found[same] = part, held
-        made = vtkMultiBlockDataSet()
-        for place, (_, held) in enumerate(found.values()):
-            made.SetBlock(place, held)
         return made
 
     def named_at(self, number: int) -> list[Path]:
         """The files of a time."""
         return [self.path.parent / name for name in self.named[self.times[number]]]
+
+
+def _once(held: Sequence[Any], path: Path) -> list[Any]:
+    """The last of data sets that fill the same box; one warning says of how many."""
+    last = {_alike(block): block for block in held}
+    if len(last) < len(held):
+        count = len(held) - len(last)
+        message = (
+            f"{path}: {count} of {len(held)} blocks fill the same box as a later one, which is taken in their place"
+        )
+        warnings.warn(message, stacklevel=3)
+    return list(last.values())
 
 
 def _alike(held: Any) -> object:
@@ -208,7 +224,9 @@ def _alike(held: Any) -> object:
         for part in (held.GetPointData(), held.GetCellData())
         for i in range(part.GetNumberOfArrays())
     )
-    return held.GetBounds(), held.GetNumberOfPoints(), held.GetNumberOfCells(), tuple(names)
+    count = held.GetNumberOfPoints()
+    some = tuple(held.GetPoint(number) for number in range(0, count, max(1, count // 64)))
+    return held.GetBounds(), count, held.GetNumberOfCells(), some, tuple(names)
 
 
 class _Image:

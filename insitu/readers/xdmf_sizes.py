@@ -14,6 +14,8 @@ from xml.etree.ElementTree import Element
 from insitu.readers.arrays import check_room
 from insitu.readers.xml_files import parsed
 
+STRUCTURED = {f"{n}d{kind}" for n in (2, 3) for kind in ("corectmesh", "rectmesh", "smesh")}
+COMPONENTS = {"scalar": 1, "vector": 3, "tensor6": 6, "tensor": 9}
 FORMATS = {"hdf": "HDF5", "hdf5": "HDF5", "binary": "Binary", "xml": "XML"}
 
 
@@ -25,7 +27,10 @@ def check_sizes(path: Path) -> None:
 
 @lru_cache(maxsize=64)
 def _check(path: Path, size: int, modified: int) -> None:
-    items = [item for item in parsed(path).iter("DataItem") if item.get("ItemType", "Uniform") == "Uniform"]
+    root = parsed(path)
+    for grid in root.iter("Grid"):
+        _check_attributes(grid)
+    items = [item for item in root.iter("DataItem") if item.get("ItemType", "Uniform") == "Uniform"]
     shared = Counter((item.text or "").strip() for item in items if _format(item) == "Binary")
     for item in items:
         words = (item.get("Dimensions") or "").split()
@@ -40,6 +45,29 @@ def _check(path: Path, size: int, modified: int) -> None:
             _check_raw(path, item, text, math.prod(shape), shared[text] > 1)
         elif _format(item) == "HDF5":
             _check_stored(path, text, shape)
+
+
+def _check_attributes(grid: Element) -> None:
+    """Raise ValueError where an array of a structured grid has not a value, or a vector, for each point or cell."""
+    topology = grid.find("Topology")
+    kind = "" if topology is None else (topology.get("TopologyType") or topology.get("Type") or "").lower()
+    said = "" if topology is None else topology.get("Dimensions") or topology.get("NumberOfElements") or ""
+    if kind not in STRUCTURED or not said.replace(" ", "").isdigit():
+        return
+    points = [int(word) for word in said.split()]
+    counts = {"node": math.prod(points), "cell": math.prod(max(1, n - 1) for n in points)}
+    for attribute in grid.findall("Attribute"):
+        center, item = attribute.get("Center", "Node").lower(), attribute.find("DataItem")
+        words = [] if item is None or item.get("Reference") else (item.get("Dimensions") or "").split()
+        components = COMPONENTS.get((attribute.get("AttributeType") or attribute.get("Type") or "Scalar").lower())
+        if center not in counts or components is None or not words or not all(map(str.isdigit, words)):
+            continue
+        if math.prod(map(int, words)) != components * counts[center]:
+            claimed, grid_of = _shown(tuple(map(int, words))), _shown(tuple(points))
+            raise ValueError(
+                f"array {attribute.get('Name')!r} claims {claimed} values, its grid of {grid_of} points has {counts[center]} "
+                f"{center}s"
+            )
 
 
 def _format(item: Element) -> str:

@@ -26,7 +26,7 @@ def collection(path: Path, *names: str) -> Path:
 def test_of_a_box_that_was_written_twice_the_later_is_taken_with_a_warning(tmp_path: Path) -> None:
     image(tmp_path / "a.vti", 1.0)
     image(tmp_path / "b.vti", 2.0)
-    with pytest.warns(UserWarning, match=r"a\.vti and b\.vti of time 1 fill the same box: the later one is taken"):
+    with pytest.warns(UserWarning, match=r"1 of 2 blocks fill the same box as a later one"):
         grid = read_field(collection(tmp_path / "a.pvd", "a.vti", "b.vti"))
     assert (grid.values == 2.0).all()
 
@@ -52,3 +52,17 @@ def test_a_piece_that_is_named_twice_is_refused(tmp_path: Path) -> None:
     )
     with pytest.raises(ValueError, match=r"it names a\.vtu for two of its pieces: is another one missing\?"):
         read_field(tmp_path / "a.pvtu")
+
+
+def test_two_grids_of_one_box_in_a_file_are_said(tmp_path: Path) -> None:
+    blocks = pyvista.MultiBlock()
+    for value in (1.0, 2.0):
+        made = pyvista.ImageData(dimensions=(5, 6, 7))
+        made["q"], made["p"] = np.full(made.n_points, value), np.zeros(made.n_points)
+        blocks.append(made)
+    blocks.save(tmp_path / "a.vtm")
+    with pytest.warns(UserWarning, match=r"1 of 2 blocks fill the same box as a later one"):
+        assert (read_field(tmp_path / "a.vtm", array="q").values == 2.0).all()
+    del blocks[0]["q"]
+    blocks.save(tmp_path / "b.vtm")
+    assert (read_field(tmp_path / "b.vtm", array="q").values == 2.0).all()

@@ -117,3 +117,27 @@ def test_raw_files_of_a_curved_mesh_have_as_many_bytes_as_claimed(tmp_path: Path
         grid = read_field(tmp_path / "a.xmf")
         known = grid.values if grid.holes is None else grid.values[~grid.holes]
         np.testing.assert_allclose([known.min(), known.max()], [0, 479], atol=1e-2)
+
+
+@pytest.mark.parametrize(
+    ("center", "counts", "message"),
+    [
+        ("Node", (6, 8, 10), ""),
+        ("Cell", (5, 7, 9), ""),
+        ("Cell", (6, 8, 10), r"array 't' claims 6 x 8 x 10 values, its grid of 6 x 8 x 10 points has 315 cells"),
+        ("Node", (5, 7, 9), r"array 't' claims 5 x 7 x 9 values, its grid of 6 x 8 x 10 points has 480 nodes"),
+    ],
+)
+def test_an_array_has_a_value_for_each_point_or_cell(
+    tmp_path: Path, center: str, counts: tuple[int, ...], message: str
+) -> None:
+    values = VALUES[: counts[0], : counts[1], : counts[2]]
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        file["t"] = values
+    write(tmp_path / "a.xdmf", hdf("a.h5:/t", " ".join(map(str, counts))))
+    (tmp_path / "a.xdmf").write_text((tmp_path / "a.xdmf").read_text().replace('"Node"', f'"{center}"'))
+    if message:
+        with pytest.raises(ValueError, match=message):
+            read_field(tmp_path / "a.xdmf")
+    else:
+        np.testing.assert_array_equal(read_field(tmp_path / "a.xdmf").values, values)
