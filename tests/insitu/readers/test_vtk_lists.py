@@ -63,6 +63,6 @@ def test_two_grids_of_one_box_in_a_file_are_said(tmp_path: Path) -> None:
     blocks.save(tmp_path / "a.vtm")
     with pytest.warns(UserWarning, match=r"1 of 2 blocks fill the same box as a later one"):
         assert (read_field(tmp_path / "a.vtm", array="q").values == 2.0).all()
-    del blocks[0]["q"]
+    blocks[0].point_data.remove("q")
     blocks.save(tmp_path / "b.vtm")
     assert (read_field(tmp_path / "b.vtm", array="q").values == 2.0).all()
