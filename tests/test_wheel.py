@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import configparser
 import os
 import subprocess
 import sys
@@ -29,7 +30,10 @@ def test_the_wheel_holds_the_four_packages_alone(wheel: Path) -> None:
     assert {name.rpartition(".")[2] for name in names} >= {"py", "pyi", "js", "css", "html"}
     assert "surrogate/kernels/_kernels.pyi" in names
     assert not [name for name in names if name.endswith((".cpp", ".hpp", ".inc")) or "test" in name.lower()]
-    assert sorted(commands.split("\n")[1:]) == ["", "", *(f"{name} = {name}.cli:main" for name in COMMANDS)]
+    entries = configparser.ConfigParser()
+    entries.read_string(commands)
+    assert dict(entries["console_scripts"]) == {name: f"{name}.cli:main" for name in COMMANDS}
+    assert set(entries.sections()) == {"console_scripts", "gs_surrogate.scene_tables"}
 
 
 @pytest.mark.slow

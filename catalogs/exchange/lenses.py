@@ -1,7 +1,7 @@
 """Lenses in transforms files of Blender, D-NeRF, instant-ngp and nerfstudio, and their other keys: used, harmless, or refused.
 
 A key of a frame goes before the same one of its file.  Lengths are pixels, of pictures whose first pixel's centre is at
-(0.5, 0.5).  Sources: instant-ngp, `docs/nerf_dataset_tips.md` and `src/nerf_loader.cu`; nerfstudio, "Data conventions".
+(0.5, 0.5).  Sources: instant-ngp, "Tips for NeRF data sets" and `nerf_loader.cu`; nerfstudio, "Data conventions".
 """
 
 from __future__ import annotations

@@ -12,6 +12,7 @@ from catalogs.store.catalog import Catalog
 from catalogs.store.table import JOURNAL, SPARE
 
 LOSSES = ("before", "within", "after", "contents", "everything")
+IN_TURN = "in turn"  # each of the others at every fourth operation
 
 
 def contents(path: Path) -> dict[str, bytes]:
@@ -55,6 +56,7 @@ class MortalDisk:
     """
 
     def __init__(self, step: int, loss: str, root: Path) -> None:
+        loss = LOSSES[step % 4] if loss == IN_TURN else loss
         self.count, self.step, self.loss, self.root = 0, step, loss, root
         self.unsynced: set[int] = set()  # files by inode
         self.new_names: dict[int, set[str]] = {}  # by folder's inode

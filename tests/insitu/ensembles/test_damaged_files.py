@@ -11,7 +11,7 @@ from click.testing import CliRunner, Result
 
 from catalogs.store.catalog import Catalog
 from insitu.cli import main
-from tests.insitu.readers.test_stores import write
+from tests.support.run_files import write
 
 LOOK = """[[appearance]]
 kind = "volume"

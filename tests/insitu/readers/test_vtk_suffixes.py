@@ -10,7 +10,7 @@ import pyvista
 import vtk
 
 from insitu.readers.files import read_field
-from tests.render.test_data_set_classes import check, curved, halves, linear, refined, tree
+from tests.support.vtk_data import check, curved, halves, linear, refined, tree
 
 
 def written(kind: type, data: object, path: Path) -> Path:
