@@ -12,7 +12,7 @@ import vtk
 
 from insitu.readers.files import read_field
 from insitu.readers.vtk_xml_arrays import check_arrays
-from tests.insitu.readers.test_whole_files import GRIDS, VALUES
+from tests.support.vtk_writers import GRIDS, VALUES
 
 COMPRESSORS = ("None", "ZLib", "LZ4", "LZMA")
 MODES = ("raw", "base64", "inline", "ascii")

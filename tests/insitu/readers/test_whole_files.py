@@ -13,23 +13,7 @@ import vtk
 
 from insitu.readers.files import read_data, read_field
 from insitu.readers.legacy_vtk import check_legacy
-
-COUNTS = (11, 8, 7)
-VALUES = np.random.default_rng(0).random(COUNTS[::-1]).astype("f4") + 1  # [z, y, x]
-
-
-def image() -> pyvista.ImageData:
-    made = pyvista.ImageData(dimensions=COUNTS)
-    made["t"] = VALUES.ravel()
-    return made
-
-
-GRIDS: dict[str, tuple[Callable[[], Any], type[Any]]] = {
-    "i": (image, vtk.vtkXMLImageDataWriter),
-    "r": (lambda: image().cast_to_rectilinear_grid(), vtk.vtkXMLRectilinearGridWriter),
-    "s": (lambda: image().cast_to_structured_grid(), vtk.vtkXMLStructuredGridWriter),
-    "u": (lambda: image().cast_to_unstructured_grid(), vtk.vtkXMLUnstructuredGridWriter),
-}
+from tests.support.vtk_writers import GRIDS, VALUES, image
 
 
 def legacy(path: Path, kind: str, binary: bool, version: int = 51) -> None:
