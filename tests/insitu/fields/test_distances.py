@@ -39,7 +39,7 @@ def session(path: Path, heard: list[str], **options: Any) -> Session:
         space={"a": (0.0, 9.0)},
         appearances=PEAKS,
         views=ViewPlan(frequency=1, width=48, height=48),
-        warn=lambda note: heard.append(str(note)),
+        warn=lambda note: None if "are to learn from" in str(note) else heard.append(str(note)),
         **{"target_decibels": TARGET, **options},
     )
 
