@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from catalogs.vocabulary.words import joined_names
 from render.coordinates import AXES, METRES, described, letter_of, points_down, unit_of, unwrapped
 from render.grids import triple
 
@@ -60,7 +61,7 @@ def chosen(data: Any, array: str | None) -> Any:
     aside = {name for one in known for name in described(getattr(one, "attrs", {}))}
     volumes = [name for name in held if name not in aside and _extents(data[name]) >= 3]
     if len(volumes) != 1:
-        raise ValueError(f"name the array to render: the {type(data).__name__} has {volumes or held or 'none'}")
+        raise ValueError(f"name the array to render: the {type(data).__name__} has {joined_names(volumes or held)}")
     return data[volumes[0]]
 
 
@@ -105,8 +106,8 @@ def placed(
         return PlacedArray(values, None, *labels)
     if bare and spacing is None:
         raise ValueError(
-            f"the array has coordinates along {[order[a] for a in AXES if a not in bare]} but none along "
-            f"{[order[letter] for letter in bare]}: give spacing (x, y, z), or the coordinates"
+            f"the array has coordinates along {joined_names(order[a] for a in AXES if a not in bare)} but none along "
+            f"{joined_names(order[letter] for letter in bare)}: give spacing (x, y, z), or the coordinates"
         )
     axes = []
     for number, letter in enumerate(AXES):
@@ -140,7 +141,8 @@ def axis_order(
         letters = [letter_of(name, (attributes or {}).get(name, {})) for name in names]
         if sorted(letters) != sorted(AXES):
             raise ValueError(
-                f"the axes {list(names)} do not say which of them is x, y and z: pass dims, what each axis is in the array's own "
+                f"the axes {joined_names(names)} do not say which of them is x, y and z: pass dims, what each "
+                f"axis is in the array's own "
                 'order, such as dims=("z", "y", "x")'
             )
     return dict(zip(letters, names, strict=True))

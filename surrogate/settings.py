@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from typing import Any, Literal, NamedTuple
 
 from catalogs.vocabulary.appearance import Appearance, VolumeRendering
+from catalogs.vocabulary.words import joined_names
 
 ColorDegree = Literal["auto", 0, 1]
 MOST_FREQUENCIES = 8
@@ -197,7 +198,9 @@ class TrainingSettings:
                 f"training: leave out {', '.join(former)}, which this version does not have any more (it is a constant now)"
             )
         if unknown := sorted(set(table) - set(_TYPES)):
-            raise ValueError(f"training: unknown keys {unknown}{_meant(unknown)}; known are {sorted(_TYPES)}")
+            raise ValueError(
+                f"training: unknown keys {joined_names(unknown)}{_meant(unknown)}; known are {joined_names(sorted(_TYPES))}"
+            )
         return cls(**table)
 
     @classmethod
@@ -278,7 +281,7 @@ def _typed(name: str, value: Any, kind: Any) -> Any:
     options = typing.get_args(kind)
     if options:
         if value not in options:
-            raise ValueError(f"training.{name} must be one of {list(options)}, got {value!r}")
+            raise ValueError(f"training.{name} must be one of {joined_names(options)}, got {value!r}")
     elif not isinstance(value, kind) or (isinstance(value, bool) and kind is not bool):
         raise ValueError(f"training.{name} must be of type {kind.__name__}, got {value!r}")
     elif kind is float and not math.isfinite(value):

@@ -27,7 +27,7 @@ from catalogs.vocabulary.numbers import color, row
 from catalogs.vocabulary.parameters import SPLITS, ParameterSpace
 from catalogs.vocabulary.quantity import Quantity, quantities_from, quantities_of
 from catalogs.vocabulary.variations import ISOVALUE, Variation, VariationSetting, variation_from_json
-from catalogs.vocabulary.words import shortened
+from catalogs.vocabulary.words import joined_names, shortened
 
 NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.+=-]{0,99}")
 PACKED = "packed"  # layout with one file of images per member
@@ -78,7 +78,7 @@ class CatalogPlan:
         object.__setattr__(self, "provenance", json_values(self.provenance, "provenance"))
         names = self.appearance_names
         if not names or len(set(names)) != len(names):
-            raise CatalogError(f"a catalog needs appearances with unique names, got {names}")
+            raise CatalogError(f"a catalog needs appearances with unique names, got {joined_names(names)}")
         for problem in filter(None, map(name_problem, names)):
             raise CatalogError(f"invalid appearance name: {problem}")
         try:
@@ -95,7 +95,9 @@ class CatalogPlan:
         if self.cameras or self.view_splits:
             check_views(self.cameras, self.view_splits)
         if self.image_format not in FORMATS:
-            raise CatalogError(f"image_format must be one of {sorted(FORMATS)}, got {self.image_format!r}")
+            raise CatalogError(
+                f"image_format must be one of {joined_names(sorted(FORMATS))}, got {self.image_format!r}"
+            )
         problems = cinema.header_problems(self.header)
         if problems:
             raise CatalogError(f"these columns would break Cinema specification D: {'; '.join(problems)}")
@@ -265,7 +267,7 @@ def check_views(cameras: Sequence[Camera], view_splits: Sequence[str]) -> None:
         raise CatalogError(f"{len(cameras)} cameras need as many splits, got {len(view_splits)}")
     unknown = sorted(set(view_splits) - set(SPLITS))
     if unknown:
-        raise CatalogError(f"a view's split must be one of {SPLITS}, got {unknown}")
+        raise CatalogError(f"a view's split must be one of {joined_names(SPLITS)}, got {joined_names(unknown)}")
 
 
 def name_problem(name: str) -> str | None:

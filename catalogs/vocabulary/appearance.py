@@ -20,6 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 from catalogs.plugins import APPEARANCES, plugins
 from catalogs.vocabulary import numbers
 from catalogs.vocabulary.plugin_appearance import MissingAppearance, PluginAppearance, plugin_kind
+from catalogs.vocabulary.words import joined_names
 
 
 @dataclass(frozen=True)
@@ -150,7 +151,8 @@ def check_fields(appearances: Iterable[Appearance]) -> None:
     silent, named = ([a.name for a in shown if bool(a.field) == named] for named in (False, True))
     if silent and named:
         raise ValueError(
-            f"appearances {named[:3]} name the field that they show, {silent[:3]} do not: where there are several fields, "
+            f"appearances {joined_names(named[:3])} name the field that they show, "
+            f"{joined_names(silent[:3])} do not: where there are several fields, "
             'every appearance names its own, field = "..."'
         )
 
@@ -182,7 +184,7 @@ def appearance_from_json(record: Mapping[str, Any], *, missing: bool = False) ->
     if kind not in forms and missing and isinstance(kind, str) and isinstance(record.get("name"), str):
         return MissingAppearance(record["name"], json.dumps(record))
     if kind not in forms:
-        raise ValueError(f"appearance kind must be one of {sorted(forms)}, got {kind!r}")
+        raise ValueError(f"appearance kind must be one of {joined_names(sorted(forms))}, got {kind!r}")
     try:
         if isinstance(values.get("transfer_function"), Mapping):
             values["transfer_function"] = TransferFunction(**values["transfer_function"])

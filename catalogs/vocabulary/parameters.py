@@ -14,9 +14,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from catalogs.vocabulary.numbers import finite, text
 from catalogs.vocabulary.quantity import label
+from catalogs.vocabulary.words import SPLITS as SPLITS
+from catalogs.vocabulary.words import joined_names
 
 Outside = Literal["warn", "allow"]
-SPLITS = ("train", "validation", "test")
 SCALES = ("linear", "log")
 DECADE = 10.0
 SLACK = 1e-9  # of a range, for bounds rounded to decimals
@@ -132,7 +133,10 @@ class Parameter:
         unknown = [key for key in record if key not in names]
         if missing or unknown:
             named = record.get("name", "?")
-            raise ValueError(f"parameter {named!r}: missing keys {missing}, unknown keys {unknown}; known are {names}")
+            raise ValueError(
+                f"parameter {named!r}: missing keys {joined_names(missing)}, unknown keys "
+                f"{joined_names(unknown)}; known are {joined_names(names)}"
+            )
         return cls(**record)
 
 
@@ -145,7 +149,7 @@ class ParameterSpace:
     def __post_init__(self) -> None:
         object.__setattr__(self, "parameters", tuple(self.parameters))
         if len(set(self.names)) != len(self.names):
-            raise ValueError(f"parameter names must be unique, got {self.names}")
+            raise ValueError(f"parameter names must be unique, got {joined_names(self.names)}")
 
     def __repr__(self) -> str:
         return f"<ParameterSpace of {self}>"
@@ -180,11 +184,14 @@ class ParameterSpace:
         if outside not in ("warn", "allow"):
             raise ValueError(f'outside must be "warn" or "allow", got {outside!r}')
         if not isinstance(parameters, Mapping):
-            raise ValueError(f"parameters must be values by name, for {list(self.names)}, got {parameters!r}")
+            raise ValueError(f"parameters must be values by name, for {joined_names(self.names)}, got {parameters!r}")
         missing = [n for n in self.names if n not in parameters]
         unknown = [n for n in parameters if n not in self.names]
         if missing or unknown:
-            raise ValueError(f"parameters must be exactly {list(self.names)}: missing {missing}, unknown {unknown}")
+            raise ValueError(
+                f"parameters must be exactly {joined_names(self.names)}: missing {joined_names(missing)}, "
+                f"unknown {joined_names(unknown)}"
+            )
         values = np.array([_number(n, parameters[n]) for n in self.names], dtype=np.float64)  # [P]
         for name, value in zip(self.names, values, strict=True):
             if not np.isfinite(value):

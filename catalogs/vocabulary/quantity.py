@@ -6,6 +6,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
+from catalogs.vocabulary.words import joined_names
+
 
 @dataclass(frozen=True)
 class Quantity:
@@ -62,9 +64,9 @@ def quantities_of(quantities: Mapping[str, Quantity], shown: Sequence[str]) -> d
     if unknown:
         if tuple(shown) == ("",):
             raise ValueError(
-                f"the catalog has a single unnamed field: give exactly one entry in fields, got {list(quantities)}"
+                f"the catalog has a single unnamed field: give exactly one entry in fields, got {joined_names(quantities)}"
             )
-        raise ValueError(f"fields describes {unknown}, but the appearances show {list(shown)}")
+        raise ValueError(f"fields describes {joined_names(unknown)}, but the appearances show {joined_names(shown)}")
     return dict(quantities)
 
 

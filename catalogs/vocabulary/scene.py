@@ -24,7 +24,7 @@ from catalogs.vocabulary.cameras import Camera, orbit, view_splits
 from catalogs.vocabulary.parameters import SPLITS, ParameterSpace
 from catalogs.vocabulary.quantity import Quantity, quantities_from, quantities_of
 from catalogs.vocabulary.variations import Family, Variation, variation_kind
-from catalogs.vocabulary.words import member_line, shortened
+from catalogs.vocabulary.words import joined_names, member_line, shortened
 
 SOURCES = ("simulation", "hooked", "loop", "hdf5", "files", "nerf", "catalog")
 PLANNED = ("simulation", "hooked")  # kinds of sources whose members the scene lists
@@ -125,7 +125,7 @@ class RenderPlan:
 
     def __post_init__(self) -> None:
         if self.nan not in NAN:
-            raise ValueError(f"render: nan must be one of {NAN}, got {self.nan!r}")
+            raise ValueError(f"render: nan must be one of {joined_names(NAN)}, got {self.nan!r}")
 
 
 @dataclass(frozen=True)
@@ -189,7 +189,9 @@ class Scene:
             if self.training:
                 plugins(TABLES_ELSEWHERE).get("training", dict)(self.training)
             if known and self.training.get("appearance", known[0]) not in known:
-                raise ValueError(f"training.appearance must be one of {known}, got {self.training['appearance']!r}")
+                raise ValueError(
+                    f"training.appearance must be one of {joined_names(known)}, got {self.training['appearance']!r}"
+                )
         except ValueError as error:
             raise ValueError(f"scene {self.path}: {error}") from None
 
@@ -236,7 +238,7 @@ class Scene:
 def _parse(tables: Mapping[str, Any], path: Path) -> Scene:
     unknown = sorted(set(tables) - TABLES)
     if unknown:
-        raise ValueError(f"unknown tables or keys {unknown}; known are {sorted(TABLES)}")
+        raise ValueError(f"unknown tables or keys {joined_names(unknown)}; known are {joined_names(sorted(TABLES))}")
     source = tables["source"]
     if source.get("kind") not in SOURCES:
         raise ValueError(f"source.kind must be one of {SOURCES}, got {source.get('kind')!r}")
@@ -252,7 +254,9 @@ def _parse(tables: Mapping[str, Any], path: Path) -> Scene:
     else:
         validation_members = int(plan.pop("validation", 0))
         if plan:
-            raise ValueError(f"members come from the source: only seed and validation apply, got {sorted(plan)}")
+            raise ValueError(
+                f"members come from the source: only seed and validation apply, got {joined_names(sorted(plan))}"
+            )
     appearances = tuple(appearance_from_json(record) for record in tables.get("appearance", ()))
     variations = tables.get("variation", [])
     if not isinstance(variations, list) or not all(isinstance(record, dict) for record in variations):
@@ -286,10 +290,10 @@ def _parse(tables: Mapping[str, Any], path: Path) -> Scene:
 def _check_catalog_source(tables: Mapping[str, Any]) -> None:
     """Raise ValueError for settings that do not apply to a scene of a catalog."""
     if surplus := sorted(set(tables) - CATALOG_TABLES):
-        raise ValueError(f"source of kind catalog: {surplus} are in the catalog, leave them out")
+        raise ValueError(f"source of kind catalog: {joined_names(surplus)} are in the catalog, leave them out")
     source = tables["source"]
     if unknown := sorted(set(source) - {"kind", "path", "hold_out"}):
-        raise ValueError(f"source of kind catalog has unknown keys {unknown}; known are ['hold_out', 'path']")
+        raise ValueError(f"source of kind catalog has unknown keys {joined_names(unknown)}; known are hold_out, path")
     if not isinstance(source.get("path"), str) or not source["path"]:
         raise ValueError(f"source.path must name a catalog, from this scene's folder, got {source.get('path')!r}")
     hold_out = source.get("hold_out")
@@ -326,7 +330,7 @@ def _members(plan: Mapping[str, Any], space: ParameterSpace, seed: int) -> tuple
     """Members per split: a count (Latin hypercube) or a list whose entries `_rows` describes."""
     unknown = sorted(set(plan) - set(SPLITS))
     if unknown:
-        raise ValueError(f"members: unknown keys {unknown}; known are {[*SPLITS, 'seed']}")
+        raise ValueError(f"members: unknown keys {joined_names(unknown)}; known are {joined_names([*SPLITS, 'seed'])}")
     members = []
     for offset, split in enumerate(SPLITS):
         listed = plan.get(split, 0)

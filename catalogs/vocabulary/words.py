@@ -8,14 +8,19 @@ from dataclasses import fields
 from typing import Any
 
 from catalogs.vocabulary.numbers import text
-from catalogs.vocabulary.parameters import SPLITS
 
+SPLITS = ("train", "validation", "test")
 WIDTH = 120  # characters of a record
 
 
 def shortened(names: Sequence[str], most: int = 12) -> str:
     """The names with commas between; of more than `most` only the first, and their number."""
     return ", ".join(names[:most]) + (f", ... ({len(names)} in all)" if len(names) > most else "")
+
+
+def joined_names(names: Iterable[object]) -> str:
+    """Names in a sentence, such as "Re, time"; "none" where there are none."""
+    return ", ".join(str(name) or "''" for name in names) or "none"
 
 
 def counted(splits: Iterable[str]) -> str:

@@ -7,6 +7,7 @@ from typing import Any
 
 import click
 
+from catalogs.vocabulary.words import joined_names
 from insitu.commands import shell
 from insitu.commands.reading import NAMES, PARAMETERS, ReadingOptions, code_options, is_ensemble, pilots, suggested
 from insitu.commands.shell import command
@@ -95,5 +96,7 @@ def _chosen(fields: dict[str, dict[str, Any]], names: tuple[str, ...]) -> dict[s
     """The fields asked for by name, all by default."""
     unknown = [name for name in names if name not in fields]
     if unknown:
-        raise ValueError(f"--array: the scene's fields are {list(fields)}, got {unknown}: name more in source.fields")
+        raise ValueError(
+            f"--array: the scene's fields are {joined_names(fields)}, got {joined_names(unknown)}: name more in source.fields"
+        )
     return {name: fields[name] for name in names} or fields

@@ -15,7 +15,7 @@ from catalogs.store.missing import MissingMember, missing_members, no_longer_mis
 from catalogs.store.plan import name_problem
 from catalogs.vocabulary.parameters import ParameterSpace
 from catalogs.vocabulary.scene import PlannedMember
-from catalogs.vocabulary.words import plural
+from catalogs.vocabulary.words import joined_names, plural
 from insitu.fields.location import FieldLocation
 from insitu.members.notes import NO_SPACING
 from insitu.members.request import member_name
@@ -79,7 +79,9 @@ class FileEnsemble:
                 raise ValueError(f"{row.path}: {problem}")
         names = table.names
         if units and len(units) != len(names):
-            raise ValueError(f"--units must be of the {len(names)} parameters {list(names)}, got {list(units)}")
+            raise ValueError(
+                f"--units must be of the {len(names)} parameters {joined_names(names)}, got {joined_names(units)}"
+            )
         first = table.rows[0].parameters
         of_unread = [{**first, **row.parameters} for row, _ in table.unread]  # whose members must be in bounds, too
         values = np.array(

@@ -9,6 +9,7 @@ from typing import Any
 from catalogs.vocabulary.appearance import shown_fields
 from catalogs.vocabulary.parameters import ParameterSpace
 from catalogs.vocabulary.scene import PlannedMember, Scene
+from catalogs.vocabulary.words import joined_names
 from insitu.ensembles.dumps import TIME, FieldSource, but_time, runs_in_time
 from insitu.ensembles.files import FileEnsemble
 from insitu.ensembles.function_source import HookedSource, Simulate, scripted
@@ -155,9 +156,11 @@ def _checked_kind(table: dict[str, Any]) -> str:
     needed, more = KEYS[kind]
     unknown, missing = sorted(set(table) - needed - more), sorted(needed - set(table))
     if unknown:
-        raise ValueError(f"source of kind {kind} has unknown keys {unknown}; known are {sorted(needed | more)}")
+        raise ValueError(
+            f"source of kind {kind} has unknown keys {joined_names(unknown)}; known are {joined_names(sorted(needed | more))}"
+        )
     if missing:
-        raise ValueError(f"source of kind {kind} lacks {missing}")
+        raise ValueError(f"source of kind {kind} lacks {joined_names(missing)}")
     return kind
 
 
@@ -235,8 +238,8 @@ def _check_parameters(found: Simulation, names: Sequence[str], with_time: bool) 
     """Raise ValueError unless these are the simulation's parameters, and time stands in one place."""
     if set(names) - {TIME} != set(found.parameters):
         raise ValueError(
-            f"simulation {found.name} takes the parameters {list(found.parameters)} and, maybe, {TIME!r}; "
-            f"the scene has {list(names)}"
+            f"simulation {found.name} takes the parameters {joined_names(found.parameters)} and, maybe, {TIME!r}; "
+            f"the scene has {joined_names(names)}"
         )
     if with_time and TIME in names:
         raise ValueError("time is one of [[parameters]], so every member says its own: leave it out of [source]")

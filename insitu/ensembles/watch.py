@@ -12,7 +12,7 @@ from typing import Any
 
 from catalogs.store.catalog import Catalog
 from catalogs.vocabulary.parameters import Parameter, ParameterSpace
-from catalogs.vocabulary.words import shortened
+from catalogs.vocabulary.words import joined_names, shortened
 from insitu.ensembles.ensemble import EnsembleResult, available_cores, local_engine, run_ensemble
 from insitu.ensembles.files import FileEnsemble
 from insitu.ensembles.workers import single_threaded
@@ -260,7 +260,9 @@ def space_for(
     if is_catalog(catalog):
         space = Catalog.open(catalog).plan.space
         if not (set(names) <= set(space.names) if more_in_files else set(names) == set(space.names)):
-            raise ValueError(f"the pattern names {list(names)}, the parameters of {catalog} are {list(space.names)}")
+            raise ValueError(
+                f"the pattern names {joined_names(names)}, the parameters of {catalog} are {joined_names(space.names)}"
+            )
         return space
     names += tuple(name for name in bounds if more_in_files and name not in names)
     lacking, unknown = [n for n in names if n not in bounds], [n for n in bounds if n not in names]
@@ -268,8 +270,12 @@ def space_for(
         asked = " ".join(f"--bounds {name} LOW HIGH" for name in lacking or ("NAME",))
         raise ValueError(f"please give {asked}: dumps to come are not known")
     if unknown:
-        raise ValueError(f"--bounds of {unknown}, but the pattern names {list(names)}; what files say takes --reader")
+        raise ValueError(
+            f"--bounds of {joined_names(unknown)}, but the pattern names {joined_names(names)}; what files say takes --reader"
+        )
     if units and len(units) != len(names):
-        raise ValueError(f"--units must be of the {len(names)} parameters {list(bounds)}, got {list(units)}")
+        raise ValueError(
+            f"--units must be of the {len(names)} parameters {joined_names(bounds)}, got {joined_names(units)}"
+        )
     known = dict(zip(bounds, units, strict=True)) if units else {}
     return ParameterSpace(tuple(Parameter(name, *bounds[name], known.get(name, "")) for name in names))

@@ -13,6 +13,7 @@ from catalogs.store.summary import FieldSummary
 from catalogs.vocabulary.appearance import Appearance, check_fields, field_of, shown_fields
 from catalogs.vocabulary.numbers import finite
 from catalogs.vocabulary.quantity import Quantity
+from catalogs.vocabulary.words import joined_names
 from insitu.fields.boxes import Box, box_of, same_box
 from insitu.fields.location import FieldLocation
 from insitu.fields.summarize import FieldPart, summarize_shown
@@ -183,25 +184,29 @@ def as_fields(
 def check_names(names: Sequence[Any], appearances: Sequence[Appearance], known: Sequence[Appearance]) -> None:
     """Raise ValueError unless the fields called `names` include all that `appearances` show, and only what `known` ones show."""
     if not names or not all(isinstance(name, str) and name for name in names):
-        raise ValueError(f"the fields of a member are held by name, {{'speed': array}}, got the names {list(names)}")
+        raise ValueError(
+            f"the fields of a member are held by name, {{'speed': array}}, got the names {joined_names(names)}"
+        )
     wanted, shown = shown_fields(appearances), shown_fields(known)
     if shown in ((), ("",)):
         if len(names) > 1:
             raise ValueError(
-                f"the member has the fields {list(names)}, but appearance {_shows('', known)} does not say which of them it shows: "
+                f"the member has the fields {joined_names(names)}, but appearance {_shows('', known)} does not "
+                f"say which of them it shows: "
                 f"give every appearance its field, such as field={names[0]!r}, or pass one field alone"
             )
         return
     for name in wanted:
         if name not in names:
             raise ValueError(
-                f"appearance {_shows(name, appearances)} shows the field {name!r}, but the member has {list(names)}: "
+                f"appearance {_shows(name, appearances)} shows the field {name!r}, but the member has {joined_names(names)}: "
                 "add it, or let the appearance name one of these"
             )
     unused = [name for name in names if name not in shown]
     if unused:
         raise ValueError(
-            f"the member has the fields {unused}, which no appearance shows (they show {list(shown)}): leave them out, or add an "
+            f"the member has the fields {joined_names(unused)}, which no appearance shows (they show "
+            f"{joined_names(shown)}): leave them out, or add an "
             f"appearance with field={unused[0]!r}"
         )
 

@@ -32,6 +32,7 @@ from catalogs.vocabulary.plugin_appearance import MissingAppearance, PluginAppea
 from catalogs.vocabulary.quantity import Quantity, quantities_from, quantities_of
 from catalogs.vocabulary.scene import Scene, ViewPlan
 from catalogs.vocabulary.variations import Family, Variation
+from catalogs.vocabulary.words import joined_names
 from insitu.fields.boxes import Box, box_around, cameras_around, check_inside, checked_box
 from insitu.fields.distances import finest_of_families, measured_distances
 from insitu.fields.summarize import value_range
@@ -93,7 +94,7 @@ class PlanOptions:
         if self.views is not None and not isinstance(self.views, ViewPlan):
             raise ValueError(f"views must be a ViewPlan(frequency, width, height), got {shortened(self.views)}")
         if self.image_format is not None and self.image_format not in FORMATS:
-            raise ValueError(f"image_format must be one of {sorted(FORMATS)}, got {self.image_format!r}")
+            raise ValueError(f"image_format must be one of {joined_names(sorted(FORMATS))}, got {self.image_format!r}")
         if not isinstance(self.provenance, Mapping):
             raise ValueError(f"provenance must be a mapping of words to JSON values, got {shortened(self.provenance)}")
         try:
@@ -337,7 +338,9 @@ def given_distances(distance: float | Mapping[str, float], appearances: Sequence
     if not isinstance(distance, Mapping):
         return {name: float(distance) for name in names}
     if set(distance) != set(names):
-        raise ValueError(f"sample_distance must name the volume renderings {names}, got {sorted(distance)}")
+        raise ValueError(
+            f"sample_distance must name the volume renderings {joined_names(names)}, got {joined_names(sorted(distance))}"
+        )
     return {name: float(distance[name]) for name in names}
 
 

@@ -14,6 +14,7 @@ from catalogs.vocabulary.appearance import Appearance
 from catalogs.vocabulary.numbers import finite
 from catalogs.vocabulary.parameters import SPLITS, ParameterSpace
 from catalogs.vocabulary.plugin_appearance import check_present
+from catalogs.vocabulary.words import joined_names
 
 TIMES = ("time", "t")  # a parameter of this name is the simulation's time
 SAME_TIME = 1e-6  # relative: times that went through single precision
@@ -47,7 +48,7 @@ class MemberArguments:
 def one_of(value: T, choices: Sequence[str], name: str) -> T:
     """`value` of the argument `name`; raises ValueError unless it is one of the choices."""
     if value not in choices:
-        raise ValueError(f"{name} must be one of {tuple(choices)}, got {value!r}")
+        raise ValueError(f"{name} must be one of {joined_names(choices)}, got {value!r}")
     return value
 
 
@@ -85,7 +86,7 @@ def member_request(
     ordered = dict(zip(space.names, space.values(parameters, outside="allow").tolist(), strict=True))
     wanted = set(known_appearances(asked.appearances, [a.name for a in known]))
     if asked.split not in SPLITS:
-        raise ValueError(f"split must be one of {SPLITS}, got {asked.split!r}")
+        raise ValueError(f"split must be one of {joined_names(SPLITS)}, got {asked.split!r}")
     chosen = member_name(ordered) if asked.name is None else asked.name
     problem = name_problem(chosen)
     if problem:

@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from catalogs.vocabulary.words import joined_names
 from insitu.readers.arrays import Arrays, StoredArray
 from insitu.readers.attributes import (
     SPLIT,
@@ -118,7 +119,7 @@ def find_layout(arrays: Arrays, mapped: FileMapping) -> EnsembleLayout:
         return _stacked(arrays, mapped, wanted)
     stacked = stacked_fields(arrays)
     if len(stacked) > 1 and not mapped.fields:
-        raise asking(arrays, [f"--array, which of {[a.name for a in stacked]} holds the field"])
+        raise asking(arrays, [f"--array, which of {joined_names([a.name for a in stacked])} holds the field"])
     if stacked and not mapped.fields:
         return _stacked(arrays, mapped, stacked)
     found = _separate(arrays, mapped)
@@ -181,7 +182,9 @@ def _columns(
         found = [wanted_array(arrays, name) for name in mapped.parameters]
         lacking = [n for n, a in zip(mapped.parameters, found, strict=True) if a is None or a.shape[:1] != (count,)]
         if lacking:
-            raise ValueError(f"--parameters {lacking} are not arrays of {count} members; the file holds {arrays}")
+            raise ValueError(
+                f"--parameters {joined_names(lacking)} are not arrays of {count} members; the file holds {arrays}"
+            )
         asked = [a for a in found if a is not None]
         is_table = len(asked) == 1 and (len(asked[0].shape) == 2 or asked[0].dtype.names)
         return (asked[0], []) if is_table else (None, asked)
@@ -202,7 +205,9 @@ def _columns(
     if len(tables) == 1:
         return tables[0], []
     if tables:
-        raise asking(arrays, [f"--parameters, which of {[a.name for a in tables]} holds the members' parameters"])
+        raise asking(
+            arrays, [f"--parameters, which of {joined_names([a.name for a in tables])} holds the members' parameters"]
+        )
     if not single:
         named = field.dims[0] if field.dims else ""
         if not named:
@@ -256,7 +261,8 @@ def _lead_coordinates(arrays: Arrays, mapped: FileMapping, field: StoredArray) -
 def _renamed(mapped: FileMapping, arrays: Sequence[StoredArray]) -> tuple[tuple[str, ...]]:
     if mapped.names and len(mapped.names) != len(arrays):
         raise ValueError(
-            f"--names must name the {len(arrays)} parameters {[a.name for a in arrays]}, got {list(mapped.names)}"
+            f"--names must name the {len(arrays)} parameters {joined_names([a.name for a in arrays])}, got "
+            f"{joined_names(mapped.names)}"
         )
     return (tuple(mapped.names) or tuple(a.stem for a in arrays),)
 
@@ -286,7 +292,7 @@ def _separate(arrays: Arrays, mapped: FileMapping) -> EnsembleLayout | None:
         if not fields or not set(fields) <= set(common):
             return None
         if len(fields) > 1 and not mapped.fields:
-            raise asking(arrays, [f"--array, which of {list(fields)} is the field"])
+            raise asking(arrays, [f"--array, which of {joined_names(fields)} is the field"])
         members = sorted(groups, key=_natural)
         places = tuple(MemberPlace(f"{group}/") for group in members)
         of = [
@@ -337,14 +343,17 @@ def _parameters_of(
             return tuple(mapped.names) or own or column_names(arrays, tables[0], values.shape[1], ()), values
         if lacking:
             raise ValueError(
-                f"--parameters {lacking} are not numbers of every member; they have {common or 'none'} in common"
+                f"--parameters {joined_names(lacking)} are not numbers of every member; they have {common or 'none'} in common"
             )
         names = [k for k in common if k not in NO_PARAMETERS and k.lower() not in NUMBERING]
         names = [k for k in names if len({float(np.ravel(n[k])[0]) for n in numbers}) > 1]
     if not names:
         raise asking(
             arrays,
-            [f"--parameters: the {len(members)} members, such as {members[0]!r}, have the attributes {sorted(of[0])}"],
+            [
+                f"--parameters: the {len(members)} members, such as {members[0]!r}, have the attributes "
+                f"{joined_names(sorted(of[0]))}"
+            ],
         )
     return tuple(names), np.array([[float(np.ravel(n[k])[0]) for k in names] for n in numbers])
 

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from catalogs.engines.stopping import StopRequested
+from catalogs.vocabulary.words import joined_names
 from insitu.readers.arrays import Arrays
 
 INTERPOLATIONS = ("nearest", "linear")
@@ -34,7 +35,7 @@ class Sampling:
 
     def __post_init__(self) -> None:
         if self.interpolation not in INTERPOLATIONS:
-            raise ValueError(f"interpolation must be one of {INTERPOLATIONS}, got {self.interpolation!r}")
+            raise ValueError(f"interpolation must be one of {joined_names(INTERPOLATIONS)}, got {self.interpolation!r}")
         if self.resolution is not None and (len(self.resolution) != 3 or min(self.resolution) < 2):
             raise ValueError(f"resolution must be three numbers from 2 up (x, y, z), got {self.resolution}")
 

@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from catalogs.vocabulary.words import shortened
+from catalogs.vocabulary.words import joined_names, shortened
 from insitu.readers import stores, vtk_files
 from insitu.readers.arrays import is_store, open_arrays
 from insitu.readers.attributes import TIME
@@ -70,7 +70,7 @@ def reader_for(paths: Sequence[Path], name: str = "") -> Reader | None:
         return None
     if len(readers) > 1:
         raise ValueError(
-            f"the files are of several kinds, {sorted(readers)}: name one kind at a time, or choose by --reader"
+            f"the files are of several kinds, {joined_names(sorted(readers))}: name one kind at a time, or choose by --reader"
         )
     return next(iter(readers.values()))
 
@@ -184,7 +184,7 @@ def states_of(
     lacking = [parameter for parameter in wanted if parameter not in row.parameters]
     if lacking:
         raise ValueError(
-            f"{row.path}: its path does not say {lacking}, and it is of no code that is known: {listed_readers()}"
+            f"{row.path}: its path does not say {joined_names(lacking)}, and it is of no code that is known: {listed_readers()}"
         )
     return [row]
 
@@ -257,7 +257,7 @@ def _chosen(rows: Sequence[TableRow], stated: Sequence[Mapping[str, float]], wan
     if wanted:
         unknown = [name for name in wanted if name not in (*own, *common)]
         if unknown:
-            raise ValueError(f"--parameters {unknown} are none of {[*own, *common]}")
+            raise ValueError(f"--parameters {joined_names(unknown)} are none of {joined_names([*own, *common])}")
         return tuple(wanted)
     columns = [[row.parameters[name] for row in rows] for name in own]
     chosen = list(own)

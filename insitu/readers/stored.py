@@ -29,6 +29,7 @@ import numpy as np
 
 from catalogs.vocabulary.parameters import SPLITS, ParameterSpace
 from catalogs.vocabulary.scene import PlannedMember
+from catalogs.vocabulary.words import joined_names
 from insitu.fields.field import Field
 from insitu.fields.location import FieldLocation
 from insitu.readers.arrays import HDF5, NETCDF, Arrays, LabelledArray, StoredArray, open_arrays
@@ -182,7 +183,7 @@ def _described(
     bounds: Bounds,
 ) -> StoredEnsemble:
     if len(set(mapped.fields)) != len(mapped.fields):
-        raise ValueError(f"the fields are arrays of the file, each once, got {list(mapped.fields)}")
+        raise ValueError(f"the fields are arrays of the file, each once, got {joined_names(mapped.fields)}")
     layout = find_layout(arrays, mapped)
     held = [layout.array(arrays, name) for name in layout.fields]
     shapes = {a.name: a.shape[-3:] for a in held}
@@ -240,7 +241,7 @@ def _space(arrays: Arrays, layout: EnsembleLayout, field: StoredArray, given: Bo
     names, count = layout.names, layout.values.shape[1]
     if len(names) != count or len(layout.units) not in (0, count):
         raise ValueError(
-            f"the names of {count} parameters are asked for, got {list(names)} with units {list(layout.units)}"
+            f"the names of {count} parameters are asked for, got {joined_names(names)} with units {joined_names(layout.units)}"
         )
     stated = bounds_about(arrays, layout.columns, field, count)
     return bounded_space(names, layout.values, layout.units, given, stated)

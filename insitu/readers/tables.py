@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 
 from catalogs.vocabulary.numbers import text
 from catalogs.vocabulary.parameters import SPLITS, Parameter, ParameterSpace
-from catalogs.vocabulary.words import named_values, shortened
+from catalogs.vocabulary.words import joined_names, named_values, shortened
 from insitu.readers.attributes import SPLIT_WORDS
 from insitu.readers.folders import files_below
 from insitu.readers.fortran_numbers import printed_number
@@ -83,7 +83,7 @@ class MemberTable:
         """The same members with some of their parameters, all where none is named; raises ValueError for others."""
         unknown = [name for name in names if name not in self.names]
         if unknown:
-            raise ValueError(f"--parameters {unknown} are none of {list(self.names)}")
+            raise ValueError(f"--parameters {joined_names(unknown)} are none of {joined_names(self.names)}")
         rows = [replace(row, parameters={n: row.parameters[n] for n in names or self.names}) for row in self.rows]
         return MemberTable(distinct(rows), self.units)
 
@@ -141,16 +141,18 @@ def _parsed(text: str, folder: Path, wanted: Sequence[str], more_in_files: bool)
     names = [head["name"] if head else "" for head in heads]
     units = {head["name"]: head["unit"].strip() for head in heads if head and head["unit"]}
     if len(set(names)) != len(names) or not all(names):
-        raise ValueError(f"its columns must have names, each another, got {names}")
+        raise ValueError(f"its columns must have names, each another, got {joined_names(names)}")
     column = next((i for i, name in enumerate(names) if name.lower() in PATH_COLUMNS), None)
     if column is None:
-        raise ValueError(f"it needs a column 'path', got {names}")
+        raise ValueError(f"it needs a column 'path', got {joined_names(names)}")
     other = [n for i, n in enumerate(names) if i != column and (n in wanted or n.lower() not in ("split", "name"))]
     unknown = [name for name in wanted if name not in other]
     if more_in_files:
         wanted = [name for name in wanted if name in other]
     elif unknown or not other:
-        raise ValueError(f"there are no columns {unknown or 'of parameters'}: beside the path it has {other}")
+        raise ValueError(
+            f"there are no columns {', '.join(unknown) or 'of parameters'}: beside the path it has {joined_names(other)}"
+        )
     rows = []
     if not any(map(any, lines[1:])):
         raise ValueError("it names no file")
@@ -193,7 +195,8 @@ def _split(text: str, line: int) -> str:
     split = SPLIT_WORDS.get(text.lower(), text.lower())
     if split and split not in SPLITS:
         raise ValueError(
-            f"line {line}: split must be one of {SPLITS}, got {text!r}; where it is a parameter, name all in --parameters"
+            f"line {line}: split must be one of {joined_names(SPLITS)}, got {text!r}; where it is a parameter, "
+            f"name all in --parameters"
         )
     return split
 
@@ -291,7 +294,7 @@ def bounded_space(
     """
     unknown = sorted(set(given) - set(names))
     if unknown:
-        raise ValueError(f"--bounds of {unknown}, but the parameters are {list(names)}")
+        raise ValueError(f"--bounds of {joined_names(unknown)}, but the parameters are {joined_names(names)}")
     low, high = (values.min(axis=0), values.max(axis=0)) if stated is None else stated
     parameters = []
     for number, name in enumerate(names):

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from importlib import import_module
 from typing import Any
 
+from catalogs.vocabulary.words import joined_names
 from insitu.fields.field import Field
 
 __all__ = ["Field", "Simulation", "simulation"]
@@ -42,7 +43,9 @@ class Simulation:
         """Raise ValueError unless these are some of the simulation's, each once."""
         unknown = [name for name in fields if name not in self.fields]
         if unknown or not fields or len(set(fields)) != len(fields):
-            raise ValueError(f"fields of {self.name} are some of {list(self.fields)}, each once, got {list(fields)}")
+            raise ValueError(
+                f"fields of {self.name} are some of {joined_names(self.fields)}, each once, got {joined_names(fields)}"
+            )
 
 
 def simulation(name: str) -> Simulation:

@@ -11,6 +11,7 @@ from typing import Any, Literal
 from catalogs.vocabulary.cameras import Camera
 from catalogs.vocabulary.parameters import Parameter
 from catalogs.vocabulary.variations import APPEARANCE, POINT_PARAMETERS
+from catalogs.vocabulary.words import joined_names
 from surrogate.explore.color_maps import NAMES as COLOR_MAPS
 from surrogate.explore.setting import Setting, base_function
 from surrogate.model import Surrogate
@@ -68,7 +69,7 @@ def setting_of(record: Any, surrogate: Surrogate, origins: Mapping[str, float] |
     """
     fields, names = _mapping(record, "a setting"), surrogate.space.names
     parameters = _mapping(fields.get("parameters"), "parameters")
-    _require(set(parameters) == set(names), f"parameters must be exactly {list(names)}", sorted(parameters))
+    _require(set(parameters) == set(names), f"parameters must be exactly {joined_names(names)}", sorted(parameters))
     color_map = fields.get("color_map", "")
     known = isinstance(color_map, str) and color_map in ("", *COLOR_MAPS)
     _require(known, f"color_map must be one of {', '.join(COLOR_MAPS)} or empty", color_map)

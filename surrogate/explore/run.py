@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from catalogs.store.catalog import Catalog, Member
 from catalogs.vocabulary.appearance import TransferFunction, VolumeRendering
 from catalogs.vocabulary.cameras import Camera, orbit
+from catalogs.vocabulary.words import joined_names
 from surrogate.explore.setting import base_function, origins_of
 from surrogate.model import Surrogate
 from surrogate.storage.runs import MODEL, RunFolder
@@ -45,7 +46,7 @@ class Run:
             return ()
         names, own = self.catalog.plan.space.names, self.surrogate.space.names
         if names != own:
-            raise ValueError(f"the catalog is of {names}, the surrogate of {own}")
+            raise ValueError(f"the catalog is of {joined_names(names)}, the surrogate of {joined_names(own)}")
         return self.catalog.members
 
     @cached_property

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from catalogs.vocabulary.cameras import Camera
 from catalogs.vocabulary.parameters import ParameterSpace
+from catalogs.vocabulary.words import joined_names
 from surrogate.model.deformed import DeformedGaussians
 from surrogate.model.places import ParameterPoint
 from surrogate.splatting.threads import cores, one_torch_thread
@@ -47,7 +48,7 @@ def rows_of(space: ParameterSpace, parameters: Any) -> list[Row]:
     table = _array(parameters)
     if table.ndim != 2 or table.shape[1] != len(space):
         raise ValueError(
-            f"parameters must be of shape (B, {len(space)}), with columns {list(space.names)}, got shape {table.shape}: "
+            f"parameters must be of shape (B, {len(space)}), with columns {joined_names(space.names)}, got shape {table.shape}: "
             "others are given by name, in a mapping"
         )
     return [dict(zip(space.names, row, strict=True)) for row in table.tolist()]

@@ -16,6 +16,7 @@ from catalogs.vocabulary.cameras import Camera
 from catalogs.vocabulary.parameters import ParameterSpace
 from catalogs.vocabulary.variations import Variation
 from catalogs.vocabulary.variations.isovalue import IsovalueVariation
+from catalogs.vocabulary.words import joined_names
 from surrogate.appearance.field_gaussians import AnyGaussians
 from surrogate.deformation import BilinearDeformation
 from surrogate.deformation.visualization import Visualization
@@ -136,7 +137,8 @@ class DifferentiableSurrogate(torch.nn.Module):
             named = dict(zip(self.space.names, parameters.unbind(0), strict=True))
         else:
             raise ValueError(
-                f"parameters must be a tensor of shape ({len(self.space)},), for {list(self.space.names)}, or a mapping of names, "
+                f"parameters must be a tensor of shape ({len(self.space)},), for {joined_names(self.space.names)}, "
+                "or a mapping of names, "
                 f"got {getattr(parameters, 'shape', type(parameters).__name__)}"
             )
         for name, value in named.items():

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from catalogs.vocabulary.appearance import TransferFunction
 from catalogs.vocabulary.parameters import SLACK, Parameter, ParameterSpace
-from catalogs.vocabulary.words import one_line
+from catalogs.vocabulary.words import joined_names, one_line
 from surrogate.appearance.field_gaussians import AnyGaussians, FieldGaussians
 from surrogate.deformation import BilinearDeformation
 from surrogate.deformation.visualization import Visualization
@@ -164,4 +164,4 @@ def _varying(visualizations: Sequence[Visualization], parameters: Mapping[str, A
     for visualization in visualizations:
         if set(parameters) <= set(visualization.variation.argument_names):
             return visualization
-    raise ValueError(f"parameters {sorted(parameters)} belong to different variations: set those of one")
+    raise ValueError(f"parameters {joined_names(sorted(parameters))} belong to different variations: set those of one")

@@ -13,6 +13,7 @@ from catalogs.store.catalog import Catalog
 from catalogs.vocabulary.appearance import Appearance, VolumeRendering, field_of
 from catalogs.vocabulary.parameters import ParameterSpace
 from catalogs.vocabulary.variations import Variation
+from catalogs.vocabulary.words import joined_names
 from surrogate.appearance.field_gaussians import AnyGaussians, FieldValues
 from surrogate.appearance.scale import ValueScale
 from surrogate.gaussians import Gaussians, Normalization
@@ -57,7 +58,9 @@ class Source:
             )
         names = [a.name for a in self.catalog.plan.appearances]
         if self.appearance not in names:
-            raise ValueError(f"training.appearance must be one of the catalog's {names}, got {self.appearance!r}")
+            raise ValueError(
+                f"training.appearance must be one of the catalog's {joined_names(names)}, got {self.appearance!r}"
+            )
         for variation in (None, *self.variations):
             training_rows(self.catalog, self._shown(variation))  # says at once where there are none
         if self.settings.initialization == "in-situ":

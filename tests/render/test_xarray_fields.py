@@ -79,7 +79,7 @@ def test_a_coordinate_may_say_which_axis_it_is() -> None:
 @pytest.mark.parametrize(
     ("data", "arguments", "message"),
     [
-        (array().rename(x="a"), {}, r"\['z', 'y', 'a'\] do not say which"),
+        (array().rename(x="a"), {}, r"z, y, a do not say which"),
         (array().rename(x="lat", y="latitude"), {}, "do not say which"),
         (array(), {"dims": ("x", "x", "z")}, "an order of"),
         (array(), {"spacing": (0.5, 0.5, 0.2)}, "contradicts the coordinates along 'z', which are 0.1 apart"),
@@ -89,9 +89,9 @@ def test_a_coordinate_may_say_which_axis_it_is() -> None:
         (array(x=np.array([1.0, 2.0, 2.0, 3.0, 4.0])), {}, "increase or decrease strictly"),
         (array(x=np.array([1.0, np.nan, 2.0, 3.0, 4.0])), {}, "finite"),
         (array().assign_coords(x=list("abcde")), {}, "real numbers"),
-        (array().drop_vars("x"), {}, r"none along \['x'\]: give spacing"),
-        (xarray.Dataset({"f": array(), "g": array()}), {}, r"name the array.*\['f', 'g'\]"),
-        (xarray.Dataset({"f": array()}), {"array": "h"}, r"no array 'h'.*\['f'\]"),
+        (array().drop_vars("x"), {}, r"none along x: give spacing"),
+        (xarray.Dataset({"f": array(), "g": array()}), {}, r"name the array.*f, g"),
+        (xarray.Dataset({"f": array()}), {"array": "h"}, r"no array 'h'.*f"),
         (array().astype(complex), {}, "real numbers"),
     ],
 )

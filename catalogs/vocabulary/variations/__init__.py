@@ -19,6 +19,7 @@ from catalogs.vocabulary.variations.transfer_function import (
     transfer_function_family,
 )
 from catalogs.vocabulary.variations.variation import Family, Variation, VariationSetting
+from catalogs.vocabulary.words import joined_names
 
 __all__ = [
     "APPEARANCE",
@@ -44,7 +45,7 @@ KINDS: dict[str, type[Variation]] = {
 def variation_kind(kind: Any) -> type[Variation]:
     """The class of a kind by its name in JSON and TOML; raises ValueError for an unknown one."""
     if not isinstance(kind, str) or kind not in KINDS:
-        raise ValueError(f"the kind of a variation must be one of {tuple(KINDS)}, got {kind!r}")
+        raise ValueError(f"the kind of a variation must be one of {joined_names(KINDS)}, got {kind!r}")
     return KINDS[kind]
 
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from catalogs.vocabulary.appearance import Appearance, VolumeRendering
 from catalogs.vocabulary.parameters import Outside, Parameter, ParameterSpace
 from catalogs.vocabulary.variations.variation import Family, Variation, VariationSetting
-from catalogs.vocabulary.words import shortened
+from catalogs.vocabulary.words import joined_names, shortened
 
 APPEARANCE = "appearance"
 
@@ -55,7 +55,7 @@ class FieldVariation(Variation):
         values = {self.base: None} | {s.appearance: s.values for s in self.settings}
         name = arguments[APPEARANCE]
         if not isinstance(name, str) or name not in values:
-            raise ValueError(f"{APPEARANCE} must be one of {list(values)}, got {name!r}")
+            raise ValueError(f"{APPEARANCE} must be one of {joined_names(values)}, got {name!r}")
         return values[name]
 
     def normalize(self, values: Sequence[float] | None) -> NDArray[np.float64]:
@@ -68,7 +68,7 @@ class FieldVariation(Variation):
         unknown = [name for name in variation.space.names if name not in known]
         if unknown:
             raise ValueError(
-                f"appearances must name some of {list(known)}, each an [[appearance]] table, got {unknown}"
+                f"appearances must name some of {joined_names(known)}, each an [[appearance]] table, got {joined_names(unknown)}"
             )
         return Family(variation, ())
 

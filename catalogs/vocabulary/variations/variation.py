@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from catalogs.vocabulary.appearance import Appearance, VolumeRendering
 from catalogs.vocabulary.parameters import SPLITS, Outside, ParameterSpace
-from catalogs.vocabulary.words import counted
+from catalogs.vocabulary.words import counted, joined_names
 
 
 @dataclass(frozen=True)
@@ -26,7 +26,9 @@ class VariationSetting:
     def __post_init__(self) -> None:
         object.__setattr__(self, "values", tuple(map(float, self.values)))
         if self.split not in SPLITS:
-            raise ValueError(f"the split of {self.appearance} must be one of {SPLITS}, got {self.split!r}")
+            raise ValueError(
+                f"the split of {self.appearance} must be one of {joined_names(SPLITS)}, got {self.split!r}"
+            )
         if not np.isfinite(self.values).all():
             raise ValueError(f"the visualization parameters of {self.appearance} must be finite, got {self.values}")
 
@@ -62,11 +64,15 @@ class Variation(ABC):
         object.__setattr__(self, "settings", tuple(self.settings))
         names = self.parameter_names
         if self.space.names != names:
-            raise ValueError(f"a variation of kind {self.kind} has the parameters {names}, got {self.space.names}")
+            raise ValueError(
+                f"a variation of kind {self.kind} has the parameters {joined_names(names)}, got {joined_names(self.space.names)}"
+            )
         if not self.trained:
             raise ValueError(f"the variation of {self.base} has no training settings")
         if any(len(s.values) != len(self.space) for s in self.settings):
-            raise ValueError(f"every setting of {self.base} must have {len(self.space)} values, for {names}")
+            raise ValueError(
+                f"every setting of {self.base} must have {len(self.space)} values, for {joined_names(names)}"
+            )
         if any(s.appearance == self.base for s in self.settings):
             raise ValueError(f"the base {self.base} is among the settings of its own variation: leave it out")
 

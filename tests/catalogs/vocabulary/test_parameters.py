@@ -161,7 +161,7 @@ def test_numpy_numbers_become_plain_ones() -> None:
     ("arguments", "message"),
     [
         (("a", 0.0, 1.0, "", "log"), 'scale "log", so its bounds must be positive, got 0, 1'),
-        (("a", 1.0, 2.0, "", "ln"), r"scale must be one of \('linear', 'log'\), got 'ln'"),
+        (("a", 1.0, 2.0, "", "ln"), r"scale must be one of .*linear.*log.*, got 'ln'"),
         (("a", 1.0, 2.0, 5), "its unit must be text, got 5"),
         (("a", 1.0, 2.0, None), "its unit must be text, got None"),
         (("a", "low", 2.0), "parameter a: low, one of its bounds, must be a finite number, got 'low'"),
@@ -175,7 +175,7 @@ def test_each_thing_wrong_with_a_parameter_is_named(arguments: tuple[Any, ...], 
 
 
 def test_wrong_keys_of_a_record_are_named() -> None:
-    with pytest.raises(ValueError, match=r"parameter 'a': missing keys \['high'\], unknown keys \['hi'\]; known are"):
+    with pytest.raises(ValueError, match=r"parameter 'a': missing keys high, unknown keys hi; known are"):
         Parameter.from_json({"name": "a", "low": 0.0, "hi": 1.0})
 
 

@@ -242,10 +242,10 @@ def test_the_scene_of_two_fields() -> None:
 @pytest.mark.parametrize(
     ("old", "new", "named"),
     [
-        ('field = "speed"', "", "['surface'] do not"),
+        ('field = "speed"', "", "surface do not"),
         ('field = "speed"', "field = 3", "appearance 'surface': field must be a printable name"),
-        ('appearances = ["surface"]', 'appearances = ["surfaces"]', "['dvr', 'surface'], each an [[appearance]] table"),
-        ('appearances = ["surface"]', 'appearances = ["iso=0.2"]', "got ['iso=0.2']"),
+        ('appearances = ["surface"]', 'appearances = ["surfaces"]', "dvr, surface, each an [[appearance]] table"),
+        ('appearances = ["surface"]', 'appearances = ["iso=0.2"]', "got iso=0.2"),
         ('appearances = ["surface"]', 'appearances = ["dvr"]', "beside the base dvr"),
         ('appearances = ["surface"]', "", "appearances must name some beside the base dvr"),
         ('appearances = ["surface"]', 'appearances = ["surface"]\nmembers = 0.5', "leave out members and compared"),

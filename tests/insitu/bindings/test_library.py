@@ -120,7 +120,7 @@ SAID = [
     "copy no values: 1 ValueError: field '': values must be given, got NULL",
     "stride 0: 1 ValueError: field '': strides must be bytes between samples along x, y, z, got (4, 0, 4)",
     "stride far: 1 ValueError: field '': strides must be bytes between samples along x, y, z, got (4, 1152921504606846976, 4)",
-    "long: 1 ValueError: parameters must be exactly ['k', 'time']: missing [], unknown ['xxx",
+    "long: 1 ValueError: parameters must be exactly k, time: missing none, unknown xxx",
     "infinite: -1 ValueError: time must be a finite number, got inf",
     "render: 0 ",
     "has: 1 ",
@@ -238,7 +238,7 @@ def test_every_mistake_has_a_status_and_a_sentence(
 @pytest.mark.slow
 def test_any_thread_may_call(library: Library, tmp_path: Path) -> None:
     done = run(library.program(THREADS), SCENE, tmp_path / "a.cdb")
-    error = "ValueError: parameters must be exactly ['k', 'time']: missing [], unknown ['K']"
+    error = "ValueError: parameters must be exactly k, time: missing none, unknown K"
     assert done.stdout == f"initialize: 0 \n1 {error}\nrender: 0 \nfinalize: 0 \n", done.stderr
     assert sorted(m.parameters["time"] for m in Catalog.open(tmp_path / "a.cdb").members) == [0.0, 0.5, 1.0, 1.5, 2.0]
 

@@ -212,9 +212,9 @@ def test_a_stored_ensemble_is_rendered(tmp_path: Path, stored: Path) -> None:
             "solver_resolution must be a whole number, got 24.5",
         ),
         ("time = 0.5", 'time = "late"', "source.time must be a number, got 'late'"),
-        ("[members]", "[training]\nstep = 5\n[members]", r"training: unknown keys \['step'\]"),
+        ("[members]", "[training]\nstep = 5\n[members]", r"training: unknown keys step"),
         ("[members]", "[training]\ngaussians = -1\n[members]", "training.*gaussians"),
-        ("[members]", '[training]\nappearance = "iso"\n[members]', r"training.appearance must be one of \['dvr'\]"),
+        ("[members]", '[training]\nappearance = "iso"\n[members]', r"training.appearance must be one of dvr"),
     ],
 )
 def test_a_wrong_source_is_named_before_anything_is_written(tmp_path: Path, old: str, new: str, message: str) -> None:
@@ -308,7 +308,7 @@ def test_an_hdf5_file_is_rendered_as_a_toml_file_says(tmp_path: Path, stored: Pa
         (["--shard", "two"], "I/N"),
         (["--appearance", "{folder}/empty.toml"], r"empty.toml: it holds no [[appearance]]"),
         (["--appearance", "{folder}/empty.toml", "--scene", "{folder}/empty.toml"], "leave out"),
-        (["--dataset", "pressure"], "no field ['pressure']"),
+        (["--dataset", "pressure"], "no field pressure"),
         (["--validation", "9"], "9 validation members"),
     ],
 )

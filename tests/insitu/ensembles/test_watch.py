@@ -141,13 +141,13 @@ def test_a_stored_dump_that_changed_is_named(tmp_path: Path) -> None:
 def test_bounds_are_asked_for(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match="please give --bounds a LOW HIGH --bounds b LOW HIGH"):
         space_for(tmp_path / "a.cdb", "x_{a}/y_{b}.npy", {})
-    with pytest.raises(ValueError, match=r"--bounds of \['c'\]"):
+    with pytest.raises(ValueError, match=r"--bounds of c"):
         space_for(tmp_path / "a.cdb", "x_{a}.npy", {"a": (0, 1), "c": (0, 1)})
     assert str(space_for(tmp_path / "a.cdb", "x_{a}.npy", {"a": (0, 1)}, ["m"])) == "a in [0, 1] m"
     np.save(tmp_path / "dump_0.2.npy", blob(0.4))
     watch(tmp_path)
     assert space_for(tmp_path / "a.cdb", PATTERN, {}) == SPACE
-    with pytest.raises(ValueError, match=r"the pattern names \['v'\]"):
+    with pytest.raises(ValueError, match=r"the pattern names v"):
         space_for(tmp_path / "a.cdb", "dump_{v}.npy", {})
 
 

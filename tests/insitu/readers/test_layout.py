@@ -252,19 +252,19 @@ def test_what_is_not_found_is_said(
         ),
         (without(own, "spacing"), FileMapping(), "please give --spacing"),
         (without(own, "params"), FileMapping(), r"please give --parameters, an array \(6, parameter\)"),
-        (without(other_names, temperature=FIELD), FileMapping(), r"--array, which of \['density', 'temperature'\]"),
+        (without(other_names, temperature=FIELD), FileMapping(), r"--array, which of density, temperature"),
         (
             without(names_in_an_array, "theta", p=PARAMETERS, q=PARAMETERS),
             FileMapping(),
-            r"--parameters, which of \['p', 'q'\]",
+            r"--parameters, which of p, q",
         ),
-        (own, FileMapping(parameters=("nothing",)), r"--parameters \['nothing'\] are not arrays of 6 members"),
+        (own, FileMapping(parameters=("nothing",)), r"--parameters nothing are not arrays of 6 members"),
         (own, FileMapping(names=("a",)), "names of 2 parameters"),
         (own, FileMapping(split="nothing"), "--split: there is no array 'nothing'"),
         (own, FileMapping(dims=("x", "x", "z")), "an order of"),
         (lambda file: file.attrs.update(a=1), FileMapping(), "there is no field"),
         (lambda file: file.update(field=FIELD[0]), FileMapping(), r"\(member, z, y, x\), got shape"),
-        (without(arrays_with_attributes), FileMapping(parameters=("c",)), r"\['c'\] are not numbers of every member"),
+        (without(arrays_with_attributes), FileMapping(parameters=("c",)), r"c are not numbers of every member"),
         (
             without(own, "params", "lower", "upper", params=np.ones((6, 2))),
             FileMapping(),
@@ -291,5 +291,5 @@ def test_bounds_may_be_given(tmp_path: Path) -> None:
         (PARAMETERS[:, 0].min(), PARAMETERS[:, 0].max(), "m/s"),
         (-1.0, 2.0, "K"),
     ]
-    with pytest.raises(ValueError, match=r"--bounds of \['c'\]"):
+    with pytest.raises(ValueError, match=r"--bounds of c"):
         StoredEnsemble.open(tmp_path / "a.h5", bounds={"c": (0.0, 1.0)})

@@ -170,7 +170,7 @@ def test_what_is_missing_is_told(tmp_path: Path) -> None:
     dumps(tmp_path, [7])
     with pytest.raises(ValueError, match="nothing tells the members apart: the files say step 7, the same in all 1"):
         members(table_of_files(dumps_below(tmp_path)))
-    with pytest.raises(ValueError, match=r"--parameters \['time'\] are none of \['step'\]"):
+    with pytest.raises(ValueError, match=r"--parameters time are none of step"):
         members(table_of_files(dumps_below(tmp_path)), ["time"])
     with pytest.raises(ValueError, match="the files are of several kinds"):
         reader_for([tmp_path / "clover.00001.00007.vtk", tmp_path / "notes.txt"])

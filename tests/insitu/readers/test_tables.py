@@ -76,7 +76,7 @@ def test_numbers_may_be_as_fortran_prints_them(tmp_path: Path) -> None:
         ("path,Re\na,100-200\n", "got '100-200'; --parameters"),
         ("", "empty"),
         ("path,Re\n", "names no file"),
-        ("Re,nu\n1,2\n", r"needs a column 'path', got \['Re', 'nu'\]"),
+        ("Re,nu\n1,2\n", r"needs a column 'path', got Re, nu"),
         ("path\nrun_100/dump_1.npy\n", "of parameters"),
         ("path,Re,Re\na,1,2\n", "each another"),
         ("path,Re,\na,1,2\n", "each another"),
@@ -102,7 +102,7 @@ def test_a_wrong_table_is_one_error(folder: Path, text: str, message: str) -> No
 def test_columns_may_be_chosen(folder: Path) -> None:
     (folder / "t.csv").write_text("path,Re,note\nrun_100/dump_1.npy,1,good\nrun_100/dump_2.npy,2,bad\n")
     assert read_table(folder / "t.csv", ["Re"]).names == ("Re",)
-    with pytest.raises(ValueError, match=r"no columns \['Ra'\]"):
+    with pytest.raises(ValueError, match=r"no columns Ra"):
         read_table(folder / "t.csv", ["Ra"])
 
 

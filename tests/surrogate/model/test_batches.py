@@ -91,13 +91,13 @@ def test_visualization_parameters_are_given_by_name() -> None:
 
 WIDE = Camera.look_at(CENTER + 100.0, CENTER, vertical_fov_degrees=30, width=16, height=9)
 WRONG = [
-    (ROWS[:, :1], CAMERAS[0], r"shape \(B, 2\), with columns \['Re', 'time'\], got shape \(6, 1\)"),
+    (ROWS[:, :1], CAMERAS[0], r"shape \(B, 2\), with columns Re, time, got shape \(6, 1\)"),
     (ROWS[0], CAMERAS[0], r"shape \(B, 2\)"),
     (1500.0, CAMERAS[0], r"shape \(B, 2\)"),
     ([[1500.0], [1500.0, 1.0]], CAMERAS[0], "must be numbers"),
     ({"Re": [1500.0, 1600.0], "time": [0.0, 1.0, 2.0]}, CAMERAS[0], r"as many values each, .*'Re': 2, 'time': 3"),
     ({"Re": ROWS, "time": 1.0}, CAMERAS[0], r"parameter Re must be one value or \(B,\) values"),
-    ({"Re": [1500.0]}, CAMERAS[0], r"missing \['time'\]"),
+    ({"Re": [1500.0]}, CAMERAS[0], r"missing time"),
     ([{"Re": 1500.0, "time": 0.0}, 3], CAMERAS[0], "must be mappings all"),
     ([[math.nan, 1.0]], CAMERAS[0], "Re must be"),
     ([[1e9, 1.0]], CAMERAS[0], "too far outside its bounds"),

@@ -63,9 +63,9 @@ def test_parameters_move_the_gaussians() -> None:
 @pytest.mark.parametrize(
     ("parameters", "complaint"),
     [
-        ({"Re": 1600.0}, r"missing \['time'\]"),
-        ({"Re": 1600.0, "time": 1.0, "Ma": 0.1}, r"unknown \['Ma'\]"),
-        ({"re": 1600.0, "time": 1.0}, r"missing \['Re'\], unknown \['re'\]"),
+        ({"Re": 1600.0}, r"missing time"),
+        ({"Re": 1600.0, "time": 1.0, "Ma": 0.1}, r"unknown Ma"),
+        ({"re": 1600.0, "time": 1.0}, r"missing Re, unknown re"),
         ({"Re": math.nan, "time": 1.0}, "Re must be finite"),
     ],
 )
@@ -128,9 +128,9 @@ def test_without_visualization_parameters_it_looks_as_the_base() -> None:
 @pytest.mark.parametrize(
     ("parameters", "complaint"),
     [
-        ({"p": 0.3, "isovalue": 0.3, "c1_value": 0.1}, r"\['c1_value', 'isovalue'\] belong to different variations"),
-        ({"isovalue": 0.3}, r"missing \['p'\]"),
-        ({"p": 0.3, "isovalu": 0.3}, r"unknown \['isovalu'\]"),
+        ({"p": 0.3, "isovalue": 0.3, "c1_value": 0.1}, r"c1_value, isovalue belong to different variations"),
+        ({"isovalue": 0.3}, r"missing p"),
+        ({"p": 0.3, "isovalu": 0.3}, r"unknown isovalu"),
         ({"p": 0.3, "isovalue": math.nan}, "isovalue must be finite"),
         ({"p": 0.3, "c1_opacity": math.inf}, "c1_opacity must be finite"),
     ],
@@ -169,7 +169,7 @@ def test_any_transfer_function_may_be_given() -> None:
     assert same(model.under(FUNCTION, p=0.3).gaussians, model.at(p=0.3).gaussians)
     swapped = replace(FUNCTION, color_points=tuple((v, b, g, r) for v, r, g, b in FUNCTION.color_points))
     assert not np.allclose(model.under(swapped, p=0.3).gaussians.colors, model.at(p=0.3).gaussians.colors)
-    with pytest.raises(ValueError, match=r"missing \['p'\]"):
+    with pytest.raises(ValueError, match=r"missing p"):
         model.under(moved)
 
 

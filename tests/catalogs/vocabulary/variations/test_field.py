@@ -29,7 +29,7 @@ def test_a_field_is_one_of_a_few() -> None:
         assert variation.arguments(setting) == {"appearance": setting.appearance}
         assert variation.values_of(variation.arguments(setting)) == setting.values
     assert variation.values_of({"appearance": "dvr"}) is None
-    with pytest.raises(ValueError, match=r"one of \['dvr', 'speed-dvr', 'surface'\], got 'speed'"):
+    with pytest.raises(ValueError, match=r"one of dvr, speed-dvr, surface, got 'speed'"):
         variation.values_of({"appearance": "speed"})
     assert variation_from_json(json.loads(json.dumps(variation.to_json()))) == variation
     assert not variation.continuous
@@ -57,5 +57,5 @@ def test_a_field_that_is_no_choice_among_the_trained_is_refused(settings: tuple[
     space = ParameterSpace((Parameter("a", 0.0, 1.0), Parameter("b", 0.0, 1.0)))
     with pytest.raises(ValueError, match="a 1 in its own place"):
         variation_kind("field")("dvr", space, settings)
-    with pytest.raises(ValueError, match=r"has the parameters \('a', 'b'\), got \('a', 'c'\)"):
+    with pytest.raises(ValueError, match=r"has the parameters a, b, got a, c"):
         variation_kind("field")("dvr", ParameterSpace((Parameter("a", 0, 1), Parameter("c", 0, 1))), settings)

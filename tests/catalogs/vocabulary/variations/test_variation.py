@@ -37,7 +37,7 @@ ONE, TWO = VariationSetting("a", (0.1,), "train"), VariationSetting("b", (0.2,),
     ("kind", "names", "settings", "message"),
     [
         ("shading", ("isovalue",), (ONE, TWO), "kind.*'shading'"),
-        ("isovalue", ("value",), (ONE, TWO), r"\('isovalue',\), got \('value',\)"),
+        ("isovalue", ("value",), (ONE, TWO), r"isovalue, got value"),
         ("transfer_function", ("isovalue",), (ONE, TWO), "c1_value.*got"),
         ("isovalue", ("isovalue",), (), "dvr has no training settings"),
         ("isovalue", ("isovalue",), (replace(ONE, split="test"),), "dvr has no training settings"),
