@@ -117,14 +117,14 @@ def test_a_surrogate_shows_each_appearance_by_its_name(run: Path) -> None:
     [
         (
             {"p": 0.3, "appearance": "speed"},
-            r"appearance must be one of \['dvr', 'speed-dvr', 'surface'\], got 'speed'",
+            r"appearance must be one of dvr, speed-dvr, surface, got 'speed'",
         ),
         ({"p": 0.3, "appearance": 1.0}, r"\['dvr', 'speed-dvr', 'surface'\], got 1.0"),
         ({"p": 0.3, "appearance": np.array(["dvr", "surface"])}, r"\['dvr', 'speed-dvr', 'surface'\], got array"),
         ({"p": 0.3, "appearance": None}, r"\['dvr', 'speed-dvr', 'surface'\], got None"),
-        ({"appearance": "surface"}, r"missing \['p'\]"),
-        ({"p": 0.3, "speed-dvr": 1.0}, r"unknown \['speed-dvr'\]"),
-        ({"p": 0.3, "field": "speed"}, r"unknown \['field'\]"),
+        ({"appearance": "surface"}, r"missing p"),
+        ({"p": 0.3, "speed-dvr": 1.0}, r"unknown speed-dvr"),
+        ({"p": 0.3, "field": "speed"}, r"unknown field"),
     ],
 )
 def test_what_it_does_not_show_is_refused(run: Path, asked: dict, message: str) -> None:
@@ -134,7 +134,7 @@ def test_what_it_does_not_show_is_refused(run: Path, asked: dict, message: str) 
 
 def test_one_without_fields_does_not_know_the_word(catalog: Catalog, run: Path) -> None:
     plain = replace(Surrogate.load(run / "surrogate"), visualizations=())
-    with pytest.raises(ValueError, match=r"unknown \['appearance'\]"):
+    with pytest.raises(ValueError, match=r"unknown appearance"):
         plain.at(p=0.3, appearance="speed-dvr")
 
 
