@@ -130,7 +130,7 @@ def find_layout(arrays: Arrays, mapped: FileMapping) -> EnsembleLayout:
                 f"holds {arrays}"
             )
         lacking = [name for name in mapped.fields if wanted_array(arrays, name) is None]
-        asked = lacking or "(member, z, y, x), nor one (z, y, x) for each member"
+        asked = joined_names(lacking) if lacking else "(member, z, y, x), nor one (z, y, x) for each member"
         raise ValueError(f"there is no field {asked}; the file holds {arrays}")
     return found
 

@@ -102,7 +102,9 @@ def _visualization(
         known = (p for p in variation.space.parameters if p.name in given)
         return {p.name: within(given[p.name], p, origins.get(p.name, 0.0)) for p in known}
     appearances = [variation.base, *variation.parameter_names]
-    _require(given[APPEARANCE] in appearances, f"{APPEARANCE} must be one of {appearances}", given[APPEARANCE])
+    _require(
+        given[APPEARANCE] in appearances, f"{APPEARANCE} must be one of {', '.join(appearances)}", given[APPEARANCE]
+    )
     return {APPEARANCE: str(given[APPEARANCE])}
 
 

@@ -260,7 +260,7 @@ def test_members_that_kill_renderers_leave_the_others_alone(
     session.close()
     assert [r.name for r in session.results] == ["width-0.2", "width-0.3", "width-0.4", "width-0.5"]
     assert session.failures == {}
-    assert all("SIGSEGV" in note for note in said)
+    assert all("SIGSEGV" in note for note in said if "a.cdb so far:" not in note)
 
 
 def test_without_an_interpreter_members_are_missing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -162,7 +162,7 @@ def test_a_world_far_from_the_origin_is_learnt_alike(make_catalog, tmp_path: Pat
 @pytest.mark.parametrize(
     ("settings", "complaint"),
     [
-        ({"appearance": "isosurface"}, r"must be one of the catalog's \['drawn'\], got 'isosurface'"),
+        ({"appearance": "isosurface"}, r"must be one of the catalog's drawn, got 'isosurface'"),
         ({"initialization": "in-situ"}, "no training member of this catalog has sampled points"),
     ],
 )
