@@ -25,7 +25,7 @@ PARAMETERS = {"a": 110.0, "b": 150.0, "c": 190.0}
 DERIVED = ("data.csv", "rows.csv")  # what a repair may write anew
 NOT_OF_THE_PLAN = ("schema", "images", "digest")
 CASES = 30  # per seed
-SEEDS = [*range(2), *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(2, 6))]
+SEEDS = [0, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(1, 6))]
 
 
 @pytest.fixture(scope="module")

@@ -36,6 +36,7 @@ def cut(path: Path, share: float = 0.5) -> bytes:
     return whole
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("suffix", "damaged"), [("nc", 100), ("h5", 300)])
 def test_of_a_damaged_run_the_others_are_rendered(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, suffix: str, damaged: int

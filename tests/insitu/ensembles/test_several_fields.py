@@ -61,7 +61,7 @@ def test_several_data_sets_are_read_by_name(stored: Path) -> None:
     ("datasets", "message"),
     [
         (["q", "coarse"], "one shape.*coarse"),
-        (["q", "p"], "'p'"),
+        (["q", "p"], "no field p;"),
         (["q", "q"], "each once"),
         (["params"], "axes"),
     ],

@@ -54,6 +54,7 @@ def test_steps_are_members_and_say_what_the_file_says(written: Path) -> None:
         read_data(written, sampling=Sampling((2, 2, 2)))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("engine", ["BP3", "BP4", "BP5"])
 def test_steps_without_the_field_are_left_out(tmp_path: Path, engine: str) -> None:
     path = write(tmp_path / "run.bp", engine, steps=5, every=2)
@@ -157,6 +158,7 @@ def test_without_the_library_it_is_named(tmp_path: Path, monkeypatch: pytest.Mon
         read_data(tmp_path / "run.bp")
 
 
+@pytest.mark.slow
 @settings(max_examples=6)
 @given(st.sampled_from(["md.idx", "md.0", "mmd.0", "data.0"]), st.data())
 def test_a_damaged_folder_is_read_or_refused(written: Path, name: str, data: st.DataObject) -> None:

@@ -139,6 +139,7 @@ def test_links_to_other_files_are_not_followed(tmp_path: Path) -> None:
     assert read_data(path).name == "E"
 
 
+@pytest.mark.slow
 def test_an_ensemble_renders_every_iteration(tmp_path: Path) -> None:
     path = write_openpmd(tmp_path / "all.h5", {n: {"rho": {"values": field(n)}} for n in (0, 1, 2)})
     look = tmp_path / "look.toml"

@@ -41,6 +41,7 @@ def write(path: Path, kind: str, compressor: str, mode: str, size: str, order: i
     return path.read_bytes()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", GRIDS)
 def test_whole_files_pass(tmp_path: Path, kind: str) -> None:
     for how in itertools.product(COMPRESSORS, MODES, SIZES, (0, 1), (1, 3)):
