@@ -6,6 +6,7 @@ reconstruction of finite volumes (`reconstructed`): a linear function in each ce
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from typing import Any
 
@@ -190,11 +191,12 @@ def lattice(mesh: Any, values: NDArray[Any], on_cells: bool) -> tuple[NDArray[An
     points = vtk_to_numpy(mesh.GetPoints().GetData()).astype(np.float64)  # [P, 3]
     rounding = 4 * np.finfo(np.float32).eps * np.abs(points).max(axis=0)  # [3]
     numbers = _connectivity(mesh)[0].reshape(-1, 8)  # [C, 8]
-    if not (_are_boxes(points[numbers[:SOME]], rounding) and _are_boxes(points[numbers], rounding)):
+    if _boxes(points[numbers[:SOME].T], rounding) is None:
         return None
-    corners = points[numbers]  # [C, 8, 3]
-    low, high = corners.min(axis=1), corners.max(axis=1)  # [C, 3]
-    slack = ON_LATTICE * (high - low) + rounding  # [C, 3]
+    corners = points[numbers.T]  # [8, C, 3]
+    if (boxes := _boxes(corners, rounding)) is None:
+        return None
+    low, high, slack = boxes  # [C, 3] each
     axes, places = [], []
     for axis in range(3):
         ends = np.sort(np.concatenate([low[:, axis], high[:, axis]]))
@@ -205,25 +207,34 @@ def lattice(mesh: Any, values: NDArray[Any], on_cells: bool) -> tuple[NDArray[An
             return None
         places.append(first)
         axes.append(planes)
-    cells = [len(planes) - 1 for planes in reversed(axes)]
-    if len(np.unique(np.ravel_multi_index(places[::-1], cells))) < np.prod(cells):
+    counts = [len(planes) - 1 for planes in reversed(axes)]
+    if math.prod(counts) > len(numbers):
+        return None
+    is_filled = np.zeros(counts, dtype=bool)
+    is_filled[tuple(places[::-1])] = True
+    if not is_filled.all():
         return None
     if on_cells:
         axes = [(planes[1:] + planes[:-1]) / 2 for planes in axes]
     else:
-        is_high = corners > (low + high)[:, None] / 2  # [C, 8, 3]
-        places = [(first[:, None] + is_high[..., axis]).ravel() for axis, first in enumerate(places)]  # [8 C] each
-        values = values[numbers.ravel()]
-    shape = [len(axis) for axis in reversed(axes)]
-    filled = np.empty(int(np.prod(shape)), dtype=values.dtype)
-    filled[np.ravel_multi_index(places[::-1], shape)] = values
-    return filled.reshape(shape), axes
+        is_high = corners > (low + high) / 2  # [8, C, 3]
+        places = [(first + is_high[..., axis]).T for axis, first in enumerate(places)]  # [C, 8] each
+        values = values[numbers]
+    filled = np.empty([len(axis) for axis in reversed(axes)], dtype=values.dtype)
+    filled[tuple(places[::-1])] = values
+    return filled, axes
 
 
-def _are_boxes(corners: NDArray[np.float64], rounding: NDArray[np.float64]) -> bool:
-    """True if the corners [C, 8, 3] of cells are those of boxes along the axes, up to a slack."""
-    low, high = corners.min(axis=1, keepdims=True), corners.max(axis=1, keepdims=True)  # [C, 1, 3]
-    return bool((np.minimum(corners - low, high - corners) <= ON_LATTICE * (high - low) + rounding).all())
+def _boxes(
+    corners: NDArray[np.float64], rounding: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]] | None:
+    """The low and the high corner of boxes and their slack, [C, 3] each, from their corners [8, C, 3].
+
+    None where a corner is farther than the slack from those of a box along the axes.
+    """
+    low, high = corners.min(axis=0), corners.max(axis=0)
+    slack = ON_LATTICE * (high - low) + rounding
+    return (low, high, slack) if (np.minimum(corners - low, high - corners) <= slack).all() else None
 
 
 def reconstructed(

@@ -27,6 +27,7 @@ WIDTHS = {f"{kind}{bits}": bits // 8 for kind in ("Int", "UInt") for bits in (8,
     "Float32": 4,
     "Float64": 8,
 }
+APPENDED = "AppendedData"  # element
 BLANK = b" \t\r\n"
 CELLS = ("NumberOfCells", "NumberOfVerts", "NumberOfLines", "NumberOfStrips", "NumberOfPolys")
 SLICE = 1 << 24  # bytes of text that are counted at once
@@ -79,15 +80,14 @@ class _Layout:
 def check_arrays(path: Path) -> None:
     """Raise ValueError where an array has not the bytes that it claims, or claims others than its data set has values."""
     with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
-        begin = data.find(b"<AppendedData")
-        head = begin if begin >= 0 else len(data)
+        begin, is_raw = _appended(data)
         layout: _Layout | None = None
         piece: Attributes = {}
         sections: list[str] = []
         whole = covered = 0
-        for closing, name, said, place in _tags(data, head):
+        for closing, name, said, place in _tags(data):
             if name == "VTKFile" and not closing:
-                layout = _layout(data, said, begin)
+                layout = _layout(data, said, begin, is_raw)
             elif name == "Piece" and not closing:
                 piece = said
                 covered += _cells(said.get("Extent", ""))[1]
@@ -105,22 +105,35 @@ def check_arrays(path: Path) -> None:
         raise ValueError(f"its pieces have {covered} of the {whole} cells in its WholeExtent: is a piece missing?")
 
 
-def _tags(data: mmap.mmap, end: int) -> Iterator[tuple[bool, str, Attributes, int]]:
-    """Of each tag before `end`: true if it closes an element, the name, the attributes, and where it ends."""
-    for found in TAG.finditer(data, 0, end):
-        if found[2] is not None:
+def _tags(data: mmap.mmap) -> Iterator[tuple[bool, str, Attributes, int]]:
+    """Of each tag to where appended data begin: true if it closes an element, the name, the attributes, and where it ends."""
+    place = data.find(b"<")
+    while place >= 0:
+        found = TAG.match(data, place)
+        if found is not None and found[2] is not None:
+            name, is_closing = found[2].decode(), bool(found[1])
             said = {key.decode(): value.decode("utf-8", "replace") for key, value in ATTRIBUTE.findall(found[3])}
-            yield bool(found[1]), found[2].decode(), said, found.end()
+            yield is_closing, name, said, found.end()
+            if name == APPENDED:
+                return
             if found[3].rstrip().endswith(b"/"):
-                yield True, found[2].decode(), {}, found.end()
+                yield True, name, {}, found.end()
+        place = data.find(b"<", place + 1 if found is None else found.end())
 
 
-def _layout(data: mmap.mmap, said: Attributes, begin: int) -> _Layout:
+def _appended(data: mmap.mmap) -> tuple[int, bool]:
+    """Where appended data begin, -1 for nowhere, and true if they are raw."""
+    for _, name, said, place in _tags(data):
+        if name == APPENDED:
+            return data.find(b"_", place) + 1, said.get("encoding") == "raw"
+    return -1, False
+
+
+def _layout(data: mmap.mmap, said: Attributes, start: int, is_raw: bool) -> _Layout:
     order = ">" if said.get("byte_order", "") == "BigEndian" else "<"
     size = np.dtype(f"{order}u{8 if said.get('header_type') == 'UInt64' else 4}")
-    text = data[begin : data.find(b">", begin)] if begin >= 0 else b""
-    start = data.find(b"_", begin + len(text)) + 1 if begin >= 0 else -1
-    return _Layout(data, size, bool(said.get("compressor")), start, data.rfind(b"</AppendedData"), b"raw" in text)
+    end = data.rfind(f"</{APPENDED}".encode()) if start >= 0 else -1
+    return _Layout(data, size, bool(said.get("compressor")), start, end, is_raw)
 
 
 def _values(said: Attributes, piece: Attributes, sections: list[str]) -> int | None:
