@@ -1,8 +1,8 @@
 """Crash-safe writing of files and folders: write, sync, rename.
 
 Every commit goes through these functions in this order: contents, `sync` of the file, `rename` into place, `sync` of the folder.
-See Pillai et al., "All File Systems Are Not Created Equal", OSDI 2014, section 4.  The tests kill a
-writer before, within and after each of them, and take away what was not synced.
+See Pillai et al., "All File Systems Are Not Created Equal", OSDI 2014, section 4.  The tests kill a writer before, within and after
+each of them, and take away what was not synced.
 
 Written here rather than taken from a library.  Packages that replace a file atomically don't sync folders, handle single files
 only, and can't distinguish a dead writer's remains from a living writer's work.

@@ -3,9 +3,8 @@
 Decoders replace missing pixels, reduce 16 bits to 8, and trust any size.  Before an import every chunk's checksum and the length of
 the inflated pixels are checked here, in bounded memory (PNG specification, third edition, sections 5, 9 and 10).
 
-Written here rather than taken from Pillow.  Its `verify` and `load` of Pillow 13 accept missing last rows, more
-bytes than the header
-declares, and a file that ends within its last chunk.
+Written here rather than taken from Pillow.  In version 13 its `verify` and `load` accept missing last rows, more bytes than the
+header declares, and a file that ends within its last chunk.
 """
 
 from __future__ import annotations

@@ -2,9 +2,9 @@
 
 It answers in constant time which member has given parameters, and whether `data.csv` is up to date.  A line holds a checksum over
 all lines so far, a digest of a member's parameters, and its name.  The last line of a commit also holds the stamps of the table and
-of the members' folder.  Where the last stamps differ from those on disk, the journal is rebuilt from the members: a
-writer was killed
-between two steps, or somebody removed a member by hand.  It is never synced: after a power cut it does not match and is rebuilt.
+of the members' folder.  Where the last stamps differ from those on disk, the journal is rebuilt from the members: a writer was
+killed between two steps, or somebody removed a member by hand.  It is never synced: after a power cut it does not match and is
+rebuilt.
 """
 
 from __future__ import annotations

@@ -101,7 +101,7 @@ class Member:
 
 
 def known_appearances(names: Sequence[str] | None, available: Sequence[str]) -> tuple[str, ...]:
-    """`names` in the order of the catalog's own, `known`; all for None.  Raises CatalogError for an unknown name, or no name."""
+    """`names` in the order of the catalog's own, `available`; all for None.  Raises CatalogError for an unknown name, or none."""
     if names is None:
         return tuple(available)
     wanted = {names} if isinstance(names, str) else set(names)

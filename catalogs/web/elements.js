@@ -56,4 +56,6 @@ export const field = (label, control) => element("label", { class: "field" }, el
 
 /** A number for people: six digits, or as many as tell a hundred-thousandth of the width that it lies in. */
 export const digits = (value, width = Infinity, least = 6) => String(+(+value).toPrecision(precision(value, width, least))).replace("-", "−");
+/** The same of a parameter's value, by the width of its bounds. */
+export const digitsOf = (parameter, value, least) => digits(value, parameter.high - parameter.low, least);
 const precision = (value, width, least) => Math.max(least, Math.min(15, least - 1 + Math.ceil(Math.log10(Math.abs(value) / width)) || 0));

@@ -122,7 +122,7 @@ def _tags(data: mmap.mmap) -> Iterator[tuple[bool, str, Attributes, int]]:
 
 
 def _appended(data: mmap.mmap) -> tuple[int, bool]:
-    """Where appended data begin, -1 for nowhere, and true if they are raw."""
+    """The place of appended data, -1 without any, and true if they are raw."""
     for _, name, said, place in _tags(data):
         if name == APPENDED:
             return data.find(b"_", place) + 1, said.get("encoding") == "raw"

@@ -19,9 +19,8 @@ from surrogate.deformation.visualization import Visualization
 from surrogate.gaussians import Gaussians
 from surrogate.model.deformed import named
 
-BEYOND = (
-    1.0  # widths of its bounds by which a parameter may lie outside them: what is learnt says nothing of farther values
-)
+# Widths of its bounds by which a parameter may lie outside them: what is learnt says nothing of farther values.
+BEYOND = 1.0
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,6 +1,6 @@
 // The address holds the whole state: what is not there is as at first.  What is there and can't be is named in notes.
 
-import { digits } from "../web/elements.js";
+import { digits, digitsOf } from "../web/elements.js";
 import { rounded as roundedOrbit } from "./orbit.js";
 import {
   BACKGROUNDS, current, endsOf, firstSetting, firstState, firstSweep, FULL_SIZES, MODES, MOST_COUNT, pointsOf, possibleSweep, rangeOf,
@@ -93,7 +93,7 @@ class Reading {
     }
     if (p.least <= value && value <= p.most) return value;
     const nearest = Math.max(p.low, Math.min(p.high, value));
-    this.note(name, `can't be drawn, only ${digits(p.least, p.high - p.low)} to ${digits(p.most, p.high - p.low)}`, digits(nearest, p.high - p.low));
+    this.note(name, `can't be drawn, only ${digitsOf(p, p.least)} to ${digitsOf(p, p.most)}`, digitsOf(p, nearest));
     return nearest;
   }
 

@@ -1,6 +1,6 @@
 // The controls beside the picture, a section each.  `explorer` holds the state and hears what is changed.
 
-import { button, digits, element, field, menu, section, tabs } from "../web/elements.js";
+import { button, digits, digitsOf, element, field, menu, section, tabs } from "../web/elements.js";
 import { numberInput } from "./numbers.js";
 import { PRESETS, seenFrom } from "./orbit.js";
 import { slider } from "./sliders.js";
@@ -33,7 +33,7 @@ function memberMenu(explorer) {
   } }, element("option", { value: "", disabled: true, selected: true }, "choose…"));
   for (const split of ["train", "validation", "test"]) {
     const group = element("optgroup", { label: split });
-    members.forEach((m, i) => { if (m.split === split) group.append(element("option", { value: i }, `${m.name}: ${m.values.map((value, k) => digits(value, parameters[k].high - parameters[k].low)).join(", ")}`)); });
+    members.forEach((m, i) => { if (m.split === split) group.append(element("option", { value: i }, `${m.name}: ${m.values.map((value, k) => digitsOf(parameters[k], value)).join(", ")}`)); });
     if (group.children.length) choice.append(group);
   }
   return field("Go to member", choice);

@@ -1,6 +1,6 @@
 // A slider for one number: name, unit, bounds, what was trained marked below the track, and a warning outside the bounds.
 
-import { digits, element } from "../web/elements.js";
+import { digitsOf, element } from "../web/elements.js";
 import { numberInput } from "./numbers.js";
 import { player } from "./play.js";
 import { tidy } from "./state.js";
@@ -39,7 +39,7 @@ export function slider(parameter, id, moved) {
   }
   function place(value) { return (on(value) - from) / (to - from); }
   function zone(start, end) { return element("i", { class: "beyond", style: `left:${100 * start}%;width:${100 * (end - start)}%` }); }
-  function mark(value) { return element("span", { style: `left:${100 * place(value)}%` }, digits(value, parameter.high - parameter.low)); }
+  function mark(value) { return element("span", { style: `left:${100 * place(value)}%` }, digitsOf(parameter, value)); }
 
   function ticks() {
     const made = element("div", { class: "marks", "aria-hidden": "true" });
@@ -64,7 +64,7 @@ export function slider(parameter, id, moved) {
     number.set(value);
     warning.textContent = extrapolation(parameter, value);
     warning.hidden = !warning.textContent;
-    range.setAttribute("aria-valuetext", `${digits(value, parameter.high - parameter.low)}${unit ? ` ${unit}` : ""}${warning.hidden ? "" : ", outside the training range"}`);
+    range.setAttribute("aria-valuetext", `${digitsOf(parameter, value)}${unit ? ` ${unit}` : ""}${warning.hidden ? "" : ", outside the training range"}`);
     box.classList.toggle("is-outside", !warning.hidden);
   }
 

@@ -1,12 +1,12 @@
 // Settings, and the errors to expect, in words.
 
-import { digits } from "../web/elements.js";
+import { digitsOf } from "../web/elements.js";
 import { pointsOf, variation } from "./state.js";
 
 export const KIND_NAMES = { base: "Volume", isovalue: "Isovalue", transfer_function: "Transfer function", field: "Field" };
 
 /** A parameter's value with its name and unit. */
-export const valued = (p, value) => `${p.name.replace("_", " ")} ${digits(value, p.high - p.low, 5)}${p.unit ? ` ${p.unit}` : ""}`;
+export const valued = (p, value) => `${p.name.replace("_", " ")} ${digitsOf(p, value, 5)}${p.unit ? ` ${p.unit}` : ""}`;
 
 /** A setting in words. */
 export function described(setting, facts) {
@@ -35,7 +35,7 @@ export function spanOf(expected) {
 /** A warning where [low, high] leaves the range that was trained; "" where it does not. */
 export function extrapolation(p, low, high = low) {
   const slack = 1e-9 * (p.high - p.low);
-  return low < p.low - slack || high > p.high + slack ? `Extrapolating beyond training range: ${digits(p.low, p.high - p.low)} to ${digits(p.high, p.high - p.low)}.` : "";
+  return low < p.low - slack || high > p.high + slack ? `Extrapolating beyond training range: ${digitsOf(p, p.low)} to ${digitsOf(p, p.high)}.` : "";
 }
 
 /** The same of one picture, as short as can be. */
