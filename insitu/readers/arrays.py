@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -239,7 +240,6 @@ def _check_inside(held: h5py.Dataset) -> None:
 
 def _refuse_outside(file: h5py.File) -> None:
     """Raise ValueError where anything in the file leads to another one; readers other than ours would follow it."""
-
     links: list[tuple[str, str]] = []
     sets: list[h5py.Dataset] = []
 
@@ -332,7 +332,9 @@ def _zarr(path: Path) -> Iterator[Arrays]:
     check_store(path)
     xarray = _xarray("Zarr")
     try:
-        groups = xarray.open_groups(path, engine="zarr", consolidated=False, **AS_STORED)
+        with ThreadPoolExecutor(1) as thread:  # xarray calls asyncio.run, which a notebook's own thread refuses
+            opening = thread.submit(xarray.open_groups, path, engine="zarr", consolidated=False, **AS_STORED)
+            groups = opening.result()
     except (KeyError, ValueError):  # axes without names
         yield _of_zarr(path)
         return

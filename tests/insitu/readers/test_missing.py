@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import asyncio
 import warnings
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -128,6 +130,14 @@ def test_plain_zarr_has_the_values_of_its_library(tmp_path: Path, version: int) 
     held[0, 0, 0] = DEFAULT_FILLS["f4"]
     group.attrs["spacing"] = [1.0, 1.0, 1.0]
     assert np.array_equal(read_data(tmp_path / "a.zarr").values, held[:])
+    with ThreadPoolExecutor(1) as thread:  # the browser's tests run a loop in the main one
+        values = thread.submit(asyncio.run, read_in_a_notebook(tmp_path / "a.zarr")).result()
+    assert np.array_equal(values, held[:])
+
+
+async def read_in_a_notebook(path: Path) -> np.ndarray:
+    """The values as a cell of a notebook reads them, whose event loop runs."""
+    return read_data(path).values
 
 
 def test_plain_hdf5_is_unpacked_by_attributes_and_has_no_default(tmp_path: Path) -> None:
