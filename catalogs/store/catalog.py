@@ -87,8 +87,8 @@ class MemberWriter:
     def write_summaries(self, summaries: Mapping[str, FieldSummary]) -> None:
         """Store summaries of the member's fields, by name ("" for a single field), beside the images."""
         single = len(self._catalog.plan.fields) == 1 == len(summaries)
-        stored = {"": next(iter(summaries.values()))} if single else summaries
-        self._files[SUMMARY] = save_summaries(self.path / SUMMARY, stored)
+        by_name = {"": next(iter(summaries.values()))} if single else summaries
+        self._files[SUMMARY] = save_summaries(self.path / SUMMARY, by_name)
 
     def add_provenance(self, **values: Any) -> None:
         """Add JSON values to the member's provenance."""
@@ -179,8 +179,8 @@ class Catalog:
     @property
     def members(self) -> tuple[Member, ...]:
         """The committed members, sorted by name."""
-        stored = (read_record(path, self.plan) for path in self.member_paths())
-        return tuple(stored) if self.splits is None else tuple(filter(None, map(self.splits.of, stored)))
+        members = (read_record(path, self.plan) for path in self.member_paths())
+        return tuple(members) if self.splits is None else tuple(filter(None, map(self.splits.of, members)))
 
     @property
     def missing(self) -> tuple[MissingMember, ...]:
@@ -216,7 +216,7 @@ class Catalog:
             self.update_table()
         except OSError:
             key = key_of(parameters)
-            return next((name for name, stored in keys_of(self.path, self.plan) if stored == key), None)
+            return next((name for name, member_key in keys_of(self.path, self.plan) if member_key == key), None)
         return self._table.find(parameters)
 
     def begin_member(

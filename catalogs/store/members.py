@@ -232,7 +232,7 @@ def _own_cameras(path: Path, digest: str) -> tuple[Camera, ...]:
         raise CatalogError(f"{path} is damaged: {error!r}") from error
 
 
-def _shared(splits: Sequence[str], known: tuple[str, ...]) -> tuple[str, ...]:
+def _shared(splits: Sequence[str], common: tuple[str, ...]) -> tuple[str, ...]:
     """The splits of a member's views; where equal, the plan's own tuple, so that 100,000 members share it."""
     own = tuple(map(sys.intern, splits))
-    return known if own == known else own
+    return common if own == common else own

@@ -93,16 +93,16 @@ def choose_splits(
     splits = {member.name: member.split for member in members}
     random = np.random.default_rng(seed)
 
-    def drawn(share: float, most: int = len(members), fewest: int = 1) -> list[Member]:
+    def choose(share: float, most: int = len(members), fewest: int = 1) -> list[Member]:
         training = [m for m in members if splits[m.name] == "train"]
         alone = [[m] for m in training if appearance in m.appearances]
         runs = [run for run in runs_of(training, space) if any(appearance in m.appearances for m in run)]
         choices = [groups for groups in (runs if whole_runs else [], alone) if len(groups) >= fewest]
-        return _drawn(choices, space, share, most, random)
+        return _choose(choices, space, share, most, random)
 
     if hold_out is not None:
         _check_hold_out(hold_out, members)
-        tests = drawn(hold_out)
+        tests = choose(hold_out)
         if not tests:
             count = sum(split == "train" for split in splits.values())
             raise ValueError(
@@ -112,7 +112,7 @@ def choose_splits(
         splits |= {member.name: "test" for member in tests}
     if "validation" in splits.values():
         return Splits(splits)
-    watched = drawn(VALIDATION_SHARE, MOST_VALIDATION, FEWEST_TO_SPARE)
+    watched = choose(VALIDATION_SHARE, MOST_VALIDATION, FEWEST_TO_SPARE)
     lacking = not watched and not any("validation" in m.view_splits for m in members)
     return Splits(splits | {member.name: "validation" for member in watched}, VALIDATION_VIEWS if lacking else 0)
 
@@ -179,7 +179,7 @@ def _check_hold_out(hold_out: float, members: Sequence[Member]) -> None:
         raise ValueError(f"the catalog has {tests} test members already: omit hold_out")
 
 
-def _drawn(
+def _choose(
     choices: Sequence[Sequence[MemberGroup]],
     space: ParameterSpace,
     share: float,

@@ -152,12 +152,12 @@ class CatalogTable:
         """Report members missing that only the table still knows, unless their parameters are those of another one."""
         present = {name for name, _ in _entries(self._path)}
         gone = {n: v for n, v in parameters_in(self._table, self._plan).items() if n not in present}
-        stored = set[str]()
+        keys = set[str]()
         for folder in member_paths(self._path) if gone else ():
             with contextlib.suppress(CatalogError, OSError):
-                stored.add(_key_in(folder, self._plan))
+                keys.add(_key_in(folder, self._plan))
         for name, parameters in gone.items():
-            if key_of(parameters) not in stored:
+            if key_of(parameters) not in keys:
                 with contextlib.suppress(OSError):
                     report_missing(self._path, name, parameters, GONE.format(name))
 
@@ -253,27 +253,27 @@ def keys_of(catalog: Path, plan: CatalogPlan) -> Iterator[tuple[str, str]]:
 
 
 def _key_in(folder: Path, plan: CatalogPlan) -> str:
-    stored = read_json(folder / RECORD).get("parameters")
+    parameters = read_json(folder / RECORD).get("parameters")
     try:
-        return key_of({name: stored[name] for name in plan.space.names})
+        return key_of({name: parameters[name] for name in plan.space.names})
     except (KeyError, TypeError, ValueError) as error:
-        raise CatalogError(f"{folder / RECORD} is damaged: its parameters are {stored!r}") from error
+        raise CatalogError(f"{folder / RECORD} is damaged: its parameters are {parameters!r}") from error
 
 
 def parameters_in(path: Path, plan: CatalogPlan) -> dict[str, dict[str, float]]:
     """Parameters of the members, by name, in a table or a member's file of rows, as far as it can be read."""
-    found: dict[str, dict[str, float]] = {}
+    by_member: dict[str, dict[str, float]] = {}
     member, names = plan.header.index("member"), plan.space.names
     with contextlib.suppress(OSError, UnicodeDecodeError, cinema.TableError):
         for row in cinema.rows_of(path):
             if len(row) != len(plan.header):
                 continue
             try:
-                found.setdefault(row[member], {n: float(v) for n, v in zip(names, row, strict=False)})
+                by_member.setdefault(row[member], {n: float(v) for n, v in zip(names, row, strict=False)})
             except ValueError:
-                if row != plan.header and not found:  # other columns
+                if row != plan.header and not by_member:  # other columns
                     break
-    return found
+    return by_member
 
 
 def rows_in(folder: Path, plan: CatalogPlan) -> bytes:

@@ -27,11 +27,11 @@ def queue_member(
     request: MemberRequest,
     existing: Existing,
     catalog: Catalog | None,
-    known: Sequence[Appearance],
+    all_appearances: Sequence[Appearance],
 ) -> RenderedMember:
     """Queue a member to be rendered; the result says "queued".
 
-    `known` are the catalog's appearances.  With `existing="skip"` a member whose parameters are queued already is left to that
+    `all_appearances` are those of the catalog.  With `existing="skip"` a member whose parameters are queued already is left to that
     one.  Raises as `Session.render_member` does, and CatalogError where a queued member has this name or these parameters.
     """
     if catalog is not None and existing == "replace":
@@ -44,20 +44,22 @@ def queue_member(
         )
     if waiting is not None:
         return RenderedMember(waiting.name, background.catalog / "members" / waiting.name, queued=True)
-    needed = known if catalog is None else request.shown  # a new catalog's sample distances need all fields
-    handed, box = handed_over(field, needed, known)
+    needed = (
+        all_appearances if catalog is None else request.appearances
+    )  # a new catalog's sample distances need all fields
+    handed, box = handed_over(field, needed, all_appearances)
     if catalog is not None:
         notes_on_member(box, request.parameters, catalog.plan)  # raises where it does not fit; the renderer gives notes
-    shown = [appearance.name for appearance in request.shown]
+    names = [appearance.name for appearance in request.appearances]
     arguments = MemberArguments(
-        request.parameters, request.name, request.split, None, request.record, shown, existing=existing
+        request.parameters, request.name, request.split, None, request.record, names, existing=existing
     )
     background.submit(arguments, handed)
     return RenderedMember(request.name, background.catalog / "members" / request.name, queued=True)
 
 
 def handed_over(
-    field: LocalField, appearances: Sequence[Appearance], known: Sequence[Appearance]
+    field: LocalField, appearances: Sequence[Appearance], all_appearances: Sequence[Appearance]
 ) -> tuple[LocalField, Box]:
     """The field as it is copied to the renderer, and the box that it fills.
 
@@ -69,9 +71,9 @@ def handed_over(
     """
     data = field.loaded
     if field.location.dims is not None or not _are_plain(data):
-        fields = LocalField(data, field.location).take(appearances, known)
+        fields = LocalField(data, field.location).take(appearances, all_appearances)
         return LocalField(fields), fields.box
-    stand_in = LocalField(_corner(data), field.location).take(appearances, known)
+    stand_in = LocalField(_corner(data), field.location).take(appearances, all_appearances)
     grid = next(iter(stand_in.grids.values()))
     low, shape = np.array(grid.origin), np.array(_shapes(data)[0][::-1])
     x, y, z = map(float, low)

@@ -88,22 +88,22 @@ class Blocks:
             self._renderer.close()
             self._renderer = None
 
-    def take(self, appearances: Sequence[Appearance], known: Sequence[Appearance]) -> BlockFields:
+    def take(self, appearances: Sequence[Appearance], all_appearances: Sequence[Appearance]) -> BlockFields:
         """The fields that `appearances` show, for rank 0 within `insitu.mpi.ranks.lead`; see
         `insitu.fields.member_fields.as_fields`.
 
         Raises ValueError or TypeError naming the rank whose block is not acceptable.
         """
-        fields: BlockFields = self.call_all("take", tuple(appearances), tuple(known), self.field.location.nan)
+        fields: BlockFields = self.call_all("take", tuple(appearances), tuple(all_appearances), self.field.location.nan)
         return fields
 
     def call_all(self, name: str, *arguments: Any) -> Any:
         """Let every rank do a command; see `insitu.mpi.ranks.call_all`."""
         return call_all(self.ranks, self.commands, name, *arguments)
 
-    def _take(self, appearances: Sequence[Appearance], known: Sequence[Appearance], nan: str) -> BlockFields:
+    def _take(self, appearances: Sequence[Appearance], all_appearances: Sequence[Appearance], nan: str) -> BlockFields:
         names = shown_fields(appearances) or ("",)
-        share = share_of(self.field.loaded, appearances, replace(self.field.location, nan=nan), known)
+        share = share_of(self.field.loaded, appearances, replace(self.field.location, nan=nan), all_appearances)
         quantities: Mapping[str, Quantity] = next(
             (q for q in self.ranks.gather(share and share.quantities) if q is not None), {}
         )
@@ -136,17 +136,17 @@ class Blocks:
                     first.setdefault("int" in types[name], f"rank {rank} has {types[name]}")
             if len(first) > 1:
                 of = f" of field {name!r}" if name else ""
-                found = ", ".join(sorted(first.values()))
+                listed = ", ".join(sorted(first.values()))
                 raise CollectiveError(
-                    ValueError(f"the blocks{of} must have one type of numbers, but {found}: convert them")
+                    ValueError(f"the blocks{of} must have one type of numbers, but {listed}: convert them")
                 )
 
     def _check_layers(self, share: Share | None, reason: str) -> None:
         """Blocks of one spacing that fill no grid may have forgotten their ghost layers.  Collective."""
-        known = [
+        layers_by_rank = [
             (rank, s) for rank, s in enumerate(self.ranks.gather(share and (share.layers, share.own.spacing))) if s
         ]
-        (rank, (layers, spacing)), *others = known
+        (rank, (layers, spacing)), *others = layers_by_rank
         for other, (theirs, at) in others:
             if at == spacing and theirs != layers and all(a == b for a, b in (*theirs, *layers)):
                 one, two = ([before for before, _ in sides] for sides in (layers, theirs))
@@ -161,8 +161,8 @@ class Blocks:
     ) -> tuple[Share | None, tuple[str, ...]]:
         """The rank's share of the fields resampled onto one grid, and what is to be said about it."""
         whole = common_lattice(self.ranks.gather(share and share.own))
-        self._laid, found = even_layout(whole, self.ranks.size), {}
-        extents = () if share is None else (share.held, share.own)
+        self._laid, blocks = even_layout(whole, self.ranks.size), {}
+        extents = () if share is None else (share.extent, share.own)
         for name in names:
             samples, missing = resampled(None if share is None else share.fields[name], extents, self._laid, self.ranks)
             gaps = sum(self.ranks.gather(missing))
@@ -174,15 +174,15 @@ class Blocks:
                     )
                 )
             if samples is not None:
-                found[name] = samples
+                blocks[name] = samples
         nz, ny, nx = whole.shape
         note = f"the blocks fill no grid as they are ({reason}): they were resampled to {nx} x {ny} x {nz} samples (trilinear)"
         mine = self._laid.owned[self.ranks.number]
         if mine is None:
             return None, (note,)
-        shape = next(iter(found.values())).values.shape
+        shape = next(iter(blocks.values())).values.shape
         extent = BlockExtent((shape[0], shape[1], shape[2]), whole.spacing, whole.place(mine.start))
-        return Share(found, extent, extent), (note,)
+        return Share(blocks, extent, extent), (note,)
 
     def _parts(self, names: Sequence[str]) -> dict[str, FieldPart]:
         whole = self._laid.whole
@@ -196,29 +196,29 @@ class Blocks:
         block = self._blocks[name]
         if block is not None:
             volume = isinstance(appearance, VolumeRendering)
-            drawn = drawn_range(self._ranges[name], appearance.transfer_function) if volume else None  # type: ignore[union-attr]
-            self._renderer = BlockRenderer(block, appearance, sample_distance=sample_distance, drawn=drawn)
+            visible = drawn_range(self._ranges[name], appearance.transfer_function) if volume else None  # type: ignore[union-attr]
+            self._renderer = BlockRenderer(block, appearance, sample_distance=sample_distance, drawn=visible)
 
     def _draw(self, cameras: Sequence[Camera], float_output: bool) -> list[NDArray[Any]]:
         """Pictures, on rank 0: every rank draws its block of all, and puts the layers of one together."""
         form = LayerAssembly(
             self._laid.whole, self._order, self._pieces, isinstance(self._appearance, Isosurface), float_output
         )
-        sent = [self._drawn(form, camera) for camera in cameras]
+        sent = [self._packed_layers(form, camera) for camera in cameras]
         received = self.ranks.send(sent + [_EMPTY] * (self.ranks.size - len(sent)))
         number = self.ranks.number
-        made = form.put_together(received, cameras[number]) if number < len(cameras) else None
-        to_root = _EMPTY if made is None else np.ascontiguousarray(made).reshape(-1).view(np.uint8)
+        image = form.put_together(received, cameras[number]) if number < len(cameras) else None
+        to_root = _EMPTY if image is None else np.ascontiguousarray(image).reshape(-1).view(np.uint8)
         arrived = self.ranks.send([to_root, *[_EMPTY] * (self.ranks.size - 1)])
         if number:
             return []
         dtype = np.float32 if float_output else np.uint8
         return [data.view(dtype).reshape(c.height, c.width, 4) for data, c in zip(arrived, cameras, strict=False)]
 
-    def _drawn(self, form: LayerAssembly, camera: Camera) -> NDArray[np.uint8]:
+    def _packed_layers(self, form: LayerAssembly, camera: Camera) -> NDArray[np.uint8]:
         """The layers of this rank's pieces, one after the other."""
         layers = []
-        for piece, rows, columns in form.seen(camera, self.ranks.number):
+        for piece, rows, columns in form.footprints(camera, self.ranks.number):
             assert self._renderer is not None
             layers.append(self._renderer.layer(camera, piece, rows, columns, float_output=form.float_output))
         return np.concatenate([_EMPTY, *map(packed, layers)])
@@ -251,8 +251,8 @@ class BlockFields:
 
     def summaries(self, names: Sequence[str], plan: CatalogPlan) -> dict[str, FieldSummary]:
         """See `MemberFields`."""
-        found: dict[str, FieldSummary] = self.blocks.call_all("summarize", tuple(names), plan)
-        return found
+        summaries: dict[str, FieldSummary] = self.blocks.call_all("summarize", tuple(names), plan)
+        return summaries
 
 
 @dataclass(frozen=True, eq=False)
@@ -299,7 +299,7 @@ class LayerAssembly:
     surfaces: bool
     float_output: bool
 
-    def seen(self, camera: Camera, owner: int) -> Iterable[tuple[Piece, slice, slice]]:
+    def footprints(self, camera: Camera, owner: int) -> Iterable[tuple[Piece, slice, slice]]:
         """The pieces of a rank, one of an isosurface, with the rows and columns of the layer that each adds to a picture."""
         mine = [piece for piece in self.pieces if piece.owner == owner]
         if not self.surfaces:
@@ -314,7 +314,7 @@ class LayerAssembly:
         """The picture [height, width, 4] of the layers that came from each rank."""
         layers = {}
         for owner, data in enumerate(received):
-            for piece, rows, columns in self.seen(camera, owner):
+            for piece, rows, columns in self.footprints(camera, owner):
                 layers[piece], data = unpacked(data, rows, columns, self._layer_type, surfaces=self.surfaces)
         if self.surfaces:
             large = self._large(camera)
@@ -348,7 +348,7 @@ def _range(part: FieldPart, ranks: RankGroup) -> tuple[float, float]:
     own = part.values[part.window(0, part.shape[0])]
     if part.holes is not None:
         own = own[~part.holes[part.window(0, part.shape[0])]]
-    found = [ends for ends in ranks.gather((float(own.min()), float(own.max())) if own.size else None) if ends]
-    if not found:
+    ranges = [ends for ends in ranks.gather((float(own.min()), float(own.max())) if own.size else None) if ends]
+    if not ranges:
         raise CollectiveError(ValueError("not one value of the field is finite"))
-    return min(low for low, _ in found), max(high for _, high in found)
+    return min(low for low, _ in ranges), max(high for _, high in ranges)

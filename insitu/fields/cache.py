@@ -28,17 +28,17 @@ def save_field(folder: Path, name: str, identity: Mapping[str, Any], field: Any)
     are stored as NaN.
     """
     if isinstance(field, Fields):
-        field = {known: _with_holes(grid) for known, grid in field.grids.items()}
+        field = {label: _with_holes(grid) for label, grid in field.grids.items()}
     folder.mkdir(parents=True, exist_ok=True)
     partial = folder / f".{name}.{os.getpid()}.partial.npz"
-    held = field if isinstance(field, Mapping) else {ALONE: field}
+    by_name = field if isinstance(field, Mapping) else {ALONE: field}
     about = [
-        {"name": known, "spacing": _numbers(f.spacing), "origin": _numbers(f.origin), "time": time_of(f)}
-        for known, f in held.items()
+        {"name": label, "spacing": _numbers(f.spacing), "origin": _numbers(f.origin), "time": time_of(f)}
+        for label, f in by_name.items()
     ]
     record = json.dumps({"identity": identity, "fields": about})
     try:
-        np.savez(partial, record=record, **{str(number): f.values for number, f in enumerate(held.values())})
+        np.savez(partial, record=record, **{str(number): f.values for number, f in enumerate(by_name.values())})
         partial.replace(_path(folder, name))
     finally:
         partial.unlink(missing_ok=True)
@@ -47,17 +47,17 @@ def save_field(folder: Path, name: str, identity: Mapping[str, Any], field: Any)
 def load_field(folder: Path, name: str, identity: Mapping[str, Any]) -> Field | dict[str, Field] | None:
     """The field, or fields by name, stored as `name` with this `identity`; None where absent, made otherwise or unreadable."""
     try:
-        with np.load(_path(folder, name), allow_pickle=False) as stored:
-            record = json.loads(str(stored["record"]))
+        with np.load(_path(folder, name), allow_pickle=False) as archive:
+            record = json.loads(str(archive["record"]))
             if record["identity"] != json.loads(json.dumps(identity)):
                 return None
-            found = {
+            by_name = {
                 about["name"]: Field(
-                    stored[str(number)], tuple(about["spacing"]), tuple(about["origin"]), time=about["time"]
+                    archive[str(number)], tuple(about["spacing"]), tuple(about["origin"]), time=about["time"]
                 )
                 for number, about in enumerate(record["fields"])
             }
-            return found.get(ALONE, found)
+            return by_name.get(ALONE, by_name)
     except DAMAGED:
         return None
 

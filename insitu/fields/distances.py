@@ -35,16 +35,20 @@ def measured_distances(
 
 
 def finest_of_families(
-    found: Mapping[str, SampleDistance], appearances: Sequence[Appearance], variations: Sequence[Variation]
+    distances: Mapping[str, SampleDistance], appearances: Sequence[Appearance], variations: Sequence[Variation]
 ) -> dict[str, SampleDistance]:
     """For every volume rendering the finest that was found for it or for one of its variation."""
     volumes = [a.name for a in appearances if isinstance(a, VolumeRendering)]
-    related = {name: _related(name, variations) & found.keys() for name in volumes}
-    return {name: min((found[n] for n in found if n in names), key=_length) for name, names in related.items() if names}
+    related = {name: _related(name, variations) & distances.keys() for name in volumes}
+    return {
+        name: min((distances[n] for n in distances if n in names), key=_length)
+        for name, names in related.items()
+        if names
+    }
 
 
 def member_distances(
-    fields: MemberFields, shown: Sequence[Appearance], plan: CatalogPlan
+    fields: MemberFields, appearances: Sequence[Appearance], plan: CatalogPlan
 ) -> tuple[dict[str, float], tuple[str, ...]]:
     """The sample distances of a member, by volume rendering, and warnings about them.
 
@@ -59,16 +63,16 @@ def member_distances(
     target = recorded.get("target_decibels")
     if target is None:
         return planned, ()
-    known, notes, found = recorded.get("measured_changes", {}), [], {}
-    for appearance in _measured(shown, plan.variations):
+    earlier, notes, distances = recorded.get("measured_changes", {}), [], {}
+    for appearance in _measured(appearances, plan.variations):
         field = fields.drawable(appearance)
-        if field.mean_change(appearance.transfer_function) <= HARDER * known.get(appearance.name, 0.0):
+        if field.mean_change(appearance.transfer_function) <= HARDER * earlier.get(appearance.name, 0.0):
             continue
         checked = checked_sample_distance(field, appearance, plan.cameras, planned[appearance.name], target)
         if checked.note:
-            found[appearance.name] = checked
+            distances[appearance.name] = checked
             notes.append(checked.note)
-    refined = finest_of_families(found, shown, _continuous(plan.variations))
+    refined = finest_of_families(distances, appearances, _continuous(plan.variations))
     return {**planned, **{name: distance.distance for name, distance in refined.items()}}, tuple(notes)
 
 
@@ -76,9 +80,9 @@ def _measured(appearances: Sequence[Appearance], variations: Sequence[Variation]
     """The volume renderings whose sample distance is measured: of a variation, the base and a few that lie far from it."""
     variations = _continuous(variations)
     settings = {s.appearance for v in variations for s in v.settings}
-    kept = {name for v in variations for name in v.named("train")[:: max(1, len(v.named("train")) // CORNERS)]}
+    corners = {name for v in variations for name in v.named("train")[:: max(1, len(v.named("train")) // CORNERS)]}
     volumes = [a for a in appearances if isinstance(a, VolumeRendering)]
-    return [a for a in volumes if a.name not in settings or a.name in kept]
+    return [a for a in volumes if a.name not in settings or a.name in corners]
 
 
 def _related(name: str, variations: Sequence[Variation]) -> set[str]:

@@ -55,8 +55,8 @@ class MemberFields(Protocol):
 class MemberInput(Protocol):
     """A member's field that nobody has looked at yet."""
 
-    def take(self, appearances: Sequence[Appearance], known: Sequence[Appearance]) -> MemberFields:
-        """The fields that `appearances` show; `known` are all of the catalog's.  Raises as `as_fields` does."""
+    def take(self, appearances: Sequence[Appearance], all_appearances: Sequence[Appearance]) -> MemberFields:
+        """The fields that `appearances` show; `all_appearances` are all of the catalog's.  Raises as `as_fields` does."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,9 +109,9 @@ class LocalField:
     data: Any
     location: FieldLocation = FieldLocation()  # noqa: RUF009 - frozen
 
-    def take(self, appearances: Sequence[Appearance], known: Sequence[Appearance]) -> Fields:
+    def take(self, appearances: Sequence[Appearance], all_appearances: Sequence[Appearance]) -> Fields:
         """See `MemberInput`."""
-        return as_fields(self.loaded, appearances, self.location, known=known)
+        return as_fields(self.loaded, appearances, self.location, all_appearances=all_appearances)
 
     @property
     def lacks_spacing(self) -> bool:
@@ -130,7 +130,7 @@ def as_fields(
     appearances: Sequence[Appearance],
     location: FieldLocation = FieldLocation(),  # noqa: B008 - frozen
     *,
-    known: Sequence[Appearance] | None = None,
+    all_appearances: Sequence[Appearance] | None = None,
 ) -> Fields:
     """The fields that `appearances` show of a member.
 
@@ -141,29 +141,29 @@ def as_fields(
         returned as they are.
     appearances : those that the member is shown with.
     location : where all of them lie.
-    known : all of the catalog's, by default the same; a mapping may hold what one of these shows.
+    all_appearances : all of the catalog's, by default the same; a mapping may hold what one of these shows.
 
     Raises ValueError or TypeError, naming the field and the appearance that shows it, where a field is missing, of another shape
     or place, or not acceptable.  Raises ValueError where a mapping holds a field that none shows, or several unnamed ones.
     """
     if isinstance(data, Fields):
         return data
-    check_fields(known or appearances)
+    check_fields(all_appearances or appearances)
     names = shown_fields(appearances) or ("",)
     several = isinstance(data, Mapping) and not is_labelled_set(data)
     if several:
-        check_names(list(data), appearances, known or appearances)
+        check_names(list(data), appearances, all_appearances or appearances)
     elif names != ("",):
         _check_nameable(data, appearances, location.array)
     grids, quantities = {}, {}
     for name in names:
-        held = data if not several else data[name] if name else next(iter(data.values()))
-        chosen = location.array if several or is_labelled(held) else name or location.array
+        dataset = data if not several else data[name] if name else next(iter(data.values()))
+        chosen = location.array if several or is_labelled(dataset) else name or location.array
         try:
-            if is_labelled_set(held):
-                held, chosen = one_of_set(held, chosen), None
+            if is_labelled_set(dataset):
+                dataset, chosen = one_of_set(dataset, chosen), None
             grids[name] = to_grid(
-                held,
+                dataset,
                 spacing=location.spacing,
                 origin=location.origin,
                 array=chosen,
@@ -176,22 +176,22 @@ def as_fields(
                 raise
             kind = TypeError if isinstance(error, TypeError) else ValueError
             raise kind(f"field {name!r}, which {_shows(name, appearances)} shows: {error}") from error
-        quantities[name] = quantity_of(held)
+        quantities[name] = quantity_of(dataset)
     _check_same_points(grids)
-    return Fields(grids, {name: found for name, found in quantities.items() if found})
+    return Fields(grids, {name: quantity for name, quantity in quantities.items() if quantity})
 
 
-def check_names(names: Sequence[Any], appearances: Sequence[Appearance], known: Sequence[Appearance]) -> None:
-    """Raise ValueError unless the fields called `names` include all that `appearances` show, and only what `known` ones show."""
+def check_names(names: Sequence[Any], appearances: Sequence[Appearance], all_appearances: Sequence[Appearance]) -> None:
+    """Raise ValueError unless the fields called `names` are all that `appearances` show, and only what `all_appearances` do."""
     if not names or not all(isinstance(name, str) and name for name in names):
         raise ValueError(
             f"the fields of a member are held by name, {{'speed': array}}, got the names {joined_names(names)}"
         )
-    wanted, shown = shown_fields(appearances), shown_fields(known)
-    if shown in ((), ("",)):
+    wanted, possible = shown_fields(appearances), shown_fields(all_appearances)
+    if possible in ((), ("",)):
         if len(names) > 1:
             raise ValueError(
-                f"the member has the fields {joined_names(names)}, but appearance {_shows('', known)} does not "
+                f"the member has the fields {joined_names(names)}, but appearance {_shows('', all_appearances)} does not "
                 f"say which of them it shows: "
                 f"give every appearance its field, such as field={names[0]!r}, or pass one field alone"
             )
@@ -202,11 +202,11 @@ def check_names(names: Sequence[Any], appearances: Sequence[Appearance], known: 
                 f"appearance {_shows(name, appearances)} shows the field {name!r}, but the member has {joined_names(names)}: "
                 "add it, or let the appearance name one of these"
             )
-    unused = [name for name in names if name not in shown]
+    unused = [name for name in names if name not in possible]
     if unused:
         raise ValueError(
             f"the member has the fields {joined_names(unused)}, which no appearance shows (they show "
-            f"{joined_names(shown)}): leave them out, or add an "
+            f"{joined_names(possible)}): leave them out, or add an "
             f"appearance with field={unused[0]!r}"
         )
 

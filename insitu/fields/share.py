@@ -32,15 +32,15 @@ class Share:
 
     Attributes
     ----------
-    fields : by name, all at `held`.
-    held, own : where the samples lie, with ghost layers and without.
+    fields : by name, all at `extent`.
+    extent, own : where the samples lie, with ghost layers and without.
     quantities : the names and units that the data state, by name.
     types : of the numbers in the data, by name, as far as they are known.
     layers : ghost layers.
     """
 
     fields: Mapping[str, BlockSamples]
-    held: BlockExtent
+    extent: BlockExtent
     own: BlockExtent
     quantities: Mapping[str, Quantity] = field(default_factory=dict)
     types: Mapping[str, str] = field(default_factory=dict)
@@ -48,7 +48,7 @@ class Share:
 
     def owned(self, name: str) -> BlockSamples:
         """A field without its ghost layers."""
-        first = np.rint((np.array(self.own.origin) - self.held.origin) / self.held.spacing).astype(int)[::-1]
+        first = np.rint((np.array(self.own.origin) - self.extent.origin) / self.extent.spacing).astype(int)[::-1]
         window = tuple(slice(a, a + n) for a, n in zip(first.tolist(), self.own.shape, strict=True))
         samples = self.fields[name]
         return BlockSamples(samples.values[window], None if samples.holes is None else samples.holes[window])
@@ -58,7 +58,7 @@ def share_of(
     data: Any,
     appearances: Sequence[Appearance],
     location: FieldLocation,
-    known: Sequence[Appearance],
+    all_appearances: Sequence[Appearance],
 ) -> Share | None:
     """This rank's share; None of a rank without a block, whose `data` are None.
 
@@ -73,20 +73,20 @@ def share_of(
     has_ghosts = any(map(any, layers))
     missing = "transparent" if has_ghosts else location.nan
     acceptable = _each(data, partial(_acceptable, missing))
-    fields = as_fields(acceptable, appearances, replace(location, nan=missing), known=known)
+    fields = as_fields(acceptable, appearances, replace(location, nan=missing), all_appearances=all_appearances)
     if fields.notes:
         raise ValueError(
             f"{fields.notes[0]}; a block must hold samples of a uniform grid: resample it, then pass the result"
         )
     grid = next(iter(fields.grids.values()))
     shape = _shape(data, grid.shape, location.dims)
-    held = BlockExtent(shape, grid.spacing, grid.origin)
+    extent = BlockExtent(shape, grid.spacing, grid.origin)
     share = Share(
-        {name: _samples(g, shape, _taken(data, name)) for name, g in fields.grids.items()},
-        held,
-        _without(held, layers),
+        {name: _samples(g, shape, _dataset_of(data, name)) for name, g in fields.grids.items()},
+        extent,
+        _without(extent, layers),
         fields.quantities,
-        {name: _type_of(_taken(data, name), name or location.array) for name in fields.grids},
+        {name: _type_of(_dataset_of(data, name), name or location.array) for name in fields.grids},
         layers,
     )
     if has_ghosts and location.nan == "refuse":
@@ -108,14 +108,14 @@ def ghost_layers(ghosts: Ghosts) -> Layers:
     return x, y, z
 
 
-def _without(held: BlockExtent, layers: Layers) -> BlockExtent:
+def _without(extent: BlockExtent, layers: Layers) -> BlockExtent:
     """The extent of a block without its ghost layers."""
-    shape = [n - before - after for n, (before, after) in zip(held.shape, reversed(layers), strict=True)]
+    shape = [n - before - after for n, (before, after) in zip(extent.shape, reversed(layers), strict=True)]
     if min(shape) < 1:
-        x, y, z = held.shape[::-1]
+        x, y, z = extent.shape[::-1]
         raise ValueError(f"the block has {x} x {y} x {z} samples, none but its ghost layers {layers}")
-    origin = [o + before * s for o, s, (before, _) in zip(held.origin, held.spacing, layers, strict=True)]
-    return BlockExtent((shape[0], shape[1], shape[2]), held.spacing, (origin[0], origin[1], origin[2]))
+    origin = [o + before * s for o, s, (before, _) in zip(extent.origin, extent.spacing, layers, strict=True)]
+    return BlockExtent((shape[0], shape[1], shape[2]), extent.spacing, (origin[0], origin[1], origin[2]))
 
 
 def _each(data: Any, change: Callable[[NDArray[Any]], NDArray[Any]]) -> Any:
@@ -140,37 +140,37 @@ def _is_empty(values: Any) -> bool:
     return type(values) is np.ndarray and values.dtype.kind == "f" and not np.isfinite(values).any()
 
 
-def _taken(data: Any, name: str) -> Any:
+def _dataset_of(data: Any, name: str) -> Any:
     """The array that was taken for a field of this name."""
-    held = data if type(data) is not dict else data[name] if name else next(iter(data.values()))
-    return held.values if isinstance(held, Field) else held
+    dataset = data if type(data) is not dict else data[name] if name else next(iter(data.values()))
+    return dataset.values if isinstance(dataset, Field) else dataset
 
 
-def _type_of(taken: Any, array: str | None) -> str:
+def _type_of(dataset: Any, array: str | None) -> str:
     """The type of the numbers, "" where the data do not say."""
-    if hasattr(taken, "GetClassName"):
+    if hasattr(dataset, "GetClassName"):
         from pyvista import wrap
 
         with suppress(KeyError, AttributeError):
-            taken = wrap(taken).get_array(array) if array else wrap(taken).active_scalars
-    elif array and is_labelled_set(taken):
-        taken = taken[array]
-    return str(getattr(taken, "dtype", ""))
+            dataset = wrap(dataset).get_array(array) if array else wrap(dataset).active_scalars
+    elif array and is_labelled_set(dataset):
+        dataset = dataset[array]
+    return str(getattr(dataset, "dtype", ""))
 
 
-def _shape(data: Any, found: Index, dims: Sequence[str] | None) -> Index:
+def _shape(data: Any, grid_shape: Index, dims: Sequence[str] | None) -> Index:
     """The samples (z, y, x) that there really are."""
-    array = _taken(next(iter(data.values())) if type(data) is dict else data, "")
+    array = _dataset_of(next(iter(data.values())) if type(data) is dict else data, "")
     if type(array) is not np.ndarray:
-        return found
+        return grid_shape
     order = range(3) if dims is None else [list(dims).index(letter) for letter in "zyx"]
     z, y, x = (array.shape[axis] for axis in order)
     return z, y, x
 
 
-def _samples(grid: Grid, shape: Index, taken: Any) -> BlockSamples:
+def _samples(grid: Grid, shape: Index, dataset: Any) -> BlockSamples:
     window = tuple(map(slice, shape))
-    if _is_empty(taken):
+    if _is_empty(dataset):
         return BlockSamples(grid.values[window], np.ones(shape, dtype=bool))
     return BlockSamples(grid.values[window], None if grid.holes is None else grid.holes[window])
 

@@ -161,17 +161,17 @@ def summarize_part(
 ) -> FieldSummary:
     """The summary, on every rank, of the field of which each has a `part`; see `summarize`."""
     edges = np.linspace(bounds[0], bounds[1], BINS + 1)  # [257]
-    low, high, known, histogram = _statistics(part, edges, ranks)
+    low, high, count, histogram = _statistics(part, edges, ranks)
     rng = np.random.default_rng(SEED)
-    shown = [a for a in appearances if isinstance(a, VolumeRendering | Isosurface)]
-    shares = [points // len(shown) + (i < points % len(shown)) for i in range(len(shown))]
-    sampled = [_sample(part, a, n, rng, ranks) for a, n in zip(shown, shares, strict=True)]
+    sampled_for = [a for a in appearances if isinstance(a, VolumeRendering | Isosurface)]
+    shares = [points // len(sampled_for) + (i < points % len(sampled_for)) for i in range(len(sampled_for))]
+    sampled = [_sample(part, a, n, rng, ranks) for a, n in zip(sampled_for, shares, strict=True)]
     even = sample_evenly(part, even_points, _shift(low, high, histogram), ranks)
     smallest = min(part.whole.spacing)
     return FieldSummary(
         minimum=low,
         maximum=high,
-        clipped_fraction=1.0 - float(histogram.sum()) / known,
+        clipped_fraction=1.0 - float(histogram.sum()) / count,
         histogram=histogram,
         bin_edges=edges,
         points=_narrowed(np.concatenate([np.empty((0, 3)), *(s[0] for s in sampled)]), smallest),  # [M, 3]
@@ -187,15 +187,15 @@ def _statistics(
 ) -> tuple[float, float, int, NDArray[np.int64]]:
     """Smallest and largest value of all parts, how many there are, and how many in each bin (256,)."""
     histogram = np.zeros(BINS, dtype=np.int64)
-    known, low, high = 0, np.inf, -np.inf
+    count, low, high = 0, np.inf, -np.inf
     for start, stop in _slabs(part.shape):
         window = part.window(start, stop)
         slab = part.values[window] if part.holes is None else part.values[window][~part.holes[window]]
         histogram += np.histogram(slab, bins=edges)[0]
-        known += slab.size
+        count += slab.size
         if slab.size:
             low, high = min(low, float(slab.min())), max(high, float(slab.max()))
-    lows, highs, counts, histograms = zip(*ranks.gather((low, high, known, histogram)), strict=True)
+    lows, highs, counts, histograms = zip(*ranks.gather((low, high, count, histogram)), strict=True)
     return min(lows), max(highs), sum(counts), np.sum(histograms, axis=0)
 
 
@@ -210,17 +210,17 @@ def sample_evenly(
     steps = GOLDEN ** -np.arange(1.0, 4.0)  # [3]
     last = np.array(part.whole.shape) - 1  # [3]
     has_holes = any(ranks.gather(part.holes is not None))
-    kept = np.empty((0, 3))  # z, y, x
+    indices = np.empty((0, 3))  # z, y, x
     for draw in range(EVEN_ROUNDS if has_holes else 1):
         numbers = np.arange(draw * count, (draw + 1) * count)[:, None]  # [count, 1]
         index = (shift + numbers * steps) % 1.0 * last  # [count, 3]
         if has_holes:
             mine = part.owns(np.floor(index).astype(np.int64))
             index = index[_combined(_in_whole_cells(part, index[mine]), mine, ranks)]
-        kept = np.concatenate([kept, index])[:count]
-        if len(kept) == count:
+        indices = np.concatenate([indices, index])[:count]
+        if len(indices) == count:
             break
-    return _world(part.whole, kept), _valued(part, kept, np.floor(kept).astype(np.int64), ranks)
+    return _world(part.whole, indices), _valued(part, indices, np.floor(indices).astype(np.int64), ranks)
 
 
 def _shift(low: float, high: float, histogram: NDArray[np.int64]) -> NDArray[np.float64]:
@@ -330,14 +330,14 @@ def _draw(
     if not every.sum() > 0:
         return np.empty((0, 3), dtype=np.int64)
     numbers = iter(rng.multinomial(count, every / every.sum()).tolist())
-    drawn = [np.empty((0, 3), dtype=np.int64)]
+    samples = [np.empty((0, 3), dtype=np.int64)]
     for rank, of_rank in enumerate(totals):
         for slab in range(len(of_rank)):
             number = next(numbers)
             uniform = rng.random(number)  # by every rank, so that all go on with the same numbers
             if number and rank == ranks.number:
-                drawn.append(_picked(part, *slabs[slab], weights, uniform))
-    return np.concatenate(ranks.gather(np.concatenate(drawn)))
+                samples.append(_picked(part, *slabs[slab], weights, uniform))
+    return np.concatenate(ranks.gather(np.concatenate(samples)))
 
 
 def _picked(

@@ -216,13 +216,13 @@ class Session:
         time = time_of(field) if time is None else time
         policies = existing or self._existing, on_error or self._on_error
         member = MemberArguments(parameters, name, split, time, provenance, appearances, *policies)
-        given = LocalField(field, FieldLocation(spacing, origin, array, dims, ghosts, nan or self._nan))
+        local = LocalField(field, FieldLocation(spacing, origin, array, dims, ghosts, nan or self._nan))
         if self._ranks is SINGLE:
             with no_traps():
-                return self._render(given, member, _ghosts_alone(ghosts))
+                return self._render(local, member, _ghosts_alone(ghosts))
         of_block = {"array": array, "dims": dims, "nan": nan or self._nan, "time": time} if field is not None else {}
         problem = disagreement(self._ranks, {"parameters": parameters, "name": name, "split": split, **of_block})
-        with no_traps(), Blocks(self._ranks, given) as blocks:
+        with no_traps(), Blocks(self._ranks, local) as blocks:
             rendered: RenderedMember = run_on_root(
                 self._ranks, lambda: self._render(blocks, member, problem), blocks.commands
             )
@@ -236,8 +236,8 @@ class Session:
             request = self._writer.request(member)
             result = self._writer.skipped(request, member.existing)
             if result is None and self._background is not None and isinstance(field, LocalField):
-                _, known = self._writer.vocabulary()
-                return queue_member(self._background, field, request, member.existing, self.catalog, known)
+                _, all_appearances = self._writer.vocabulary()
+                return queue_member(self._background, field, request, member.existing, self.catalog, all_appearances)
             result = result or self._writer.render(field, request, member.existing)
         except Exception as error:
             if member.on_error == "raise":

@@ -21,9 +21,9 @@ def no_traps() -> Iterator[None]:
     except (AttributeError, OSError, TypeError):  # no such functions here
         yield
         return
-    kept = ctypes.create_string_buffer(ENVIRONMENT_BYTES)
-    hold(kept)
+    environment = ctypes.create_string_buffer(ENVIRONMENT_BYTES)
+    hold(environment)
     try:
         yield
     finally:
-        restore(kept)
+        restore(environment)

@@ -73,16 +73,16 @@ class CatalogWriter:
     def render(self, field: MemberInput, request: MemberRequest, existing: Existing) -> RenderedMember:
         """Render a member that is not stored yet, or is to be replaced."""
         started, memory, replace = clock.perf_counter(), PeakMemory(), existing == "replace"
-        _, known = self.vocabulary()
+        _, all_appearances = self.vocabulary()
         # A new catalog's sample distances need all fields.
-        fields = field.take(known if self.catalog is None else request.shown, known)
+        fields = field.take(all_appearances if self.catalog is None else request.appearances, all_appearances)
         memory.sample()
         with named_disk_errors(request.name, self.path):
             if self.catalog is None and isinstance(field, LocalField) and field.lacks_spacing:
                 self.once.say("", [NO_SPACING])
             catalog = self.catalog or self._create(fields)
             request = under_stored_name(catalog, request) if replace else request
-            distances, coarse = member_distances(fields, request.shown, catalog.plan)
+            distances, coarse = member_distances(fields, request.appearances, catalog.plan)
             notes = [*notes_on_member(fields.box, request.parameters, catalog.plan), *coarse]
             self.once.say("", [*map(ResamplingWarning, fields.notes), *notes])
             warnings: tuple[str, ...] = (*fields.notes, *notes)
@@ -92,7 +92,7 @@ class CatalogWriter:
                 request.parameters,
                 split=request.split,
                 provenance={**request.record, **record},
-                appearances=[appearance.name for appearance in request.shown],
+                appearances=[appearance.name for appearance in request.appearances],
                 outside="allow",
                 replace=replace,
             ) as writer:
@@ -136,7 +136,7 @@ def write_member(
     """
     started, written, images = clock.perf_counter(), 0.0, 0
     covered: set[str] = set()  # appearances
-    for appearance in request.shown:
+    for appearance in request.appearances:
         distance = distances.get(appearance.name) if isinstance(appearance, VolumeRendering) else None
         pictures = fields.drawable(appearance).pictures(
             appearance, plan.cameras, distance, float_output=plan.image_format == "exr"
@@ -150,16 +150,16 @@ def write_member(
             memory.sample()
             progress(images)
     rendered = clock.perf_counter() - started - written
-    summaries = fields.summaries(shown_fields(request.shown), plan)
+    summaries = fields.summaries(shown_fields(request.appearances), plan)
     memory.sample()
     writer.write_summaries(summaries)
-    notes = [note_on_pictures(a, summaries[field_of(a)], blank=a.name not in covered) for a in request.shown]
+    notes = [note_on_pictures(a, summaries[field_of(a)], blank=a.name not in covered) for a in request.appearances]
     figures = {
         "images": images,
         "render_seconds": rendered,
         "write_seconds": written,
         "quantities": {name: plan.quantity(name) for name in summaries},
-        "ranges": {name: (kept.minimum, kept.maximum) for name, kept in summaries.items()},
-        "clipped_fractions": {name: kept.clipped_fraction for name, kept in summaries.items()},
+        "ranges": {name: (summary.minimum, summary.maximum) for name, summary in summaries.items()},
+        "clipped_fractions": {name: summary.clipped_fraction for name, summary in summaries.items()},
     }
     return figures, [note for note in notes if note is not None]

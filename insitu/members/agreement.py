@@ -41,10 +41,10 @@ def create_catalog(path: Path, pilot: Pilot, options: PlanOptions) -> Catalog:
     try:
         return Catalog.create(path, plan_catalog(pilot, options))
     except (ValueError, FileExistsError):
-        made = agreeing_catalog(path, options)
-        if made is None:
+        catalog = agreeing_catalog(path, options)
+        if catalog is None:
             raise
-        return made
+        return catalog
 
 
 def disagreements(plan: CatalogPlan, options: PlanOptions) -> list[str]:
@@ -62,13 +62,13 @@ def disagreements(plan: CatalogPlan, options: PlanOptions) -> list[str]:
         "target_decibels": (options.target_decibels, recorded.get("target_decibels")),
         "sample_distances": (distances, recorded.get("sample_distances")),
     }
-    given = {place: pair for place, pair in pairs.items() if pair[0] is not None}
-    given |= {
+    compared = {place: pair for place, pair in pairs.items() if pair[0] is not None}
+    compared |= {
         key: (value, recorded.get(key)) for key, value in options.provenance.items() if key not in (SOURCE, READING)
     }
     if SOURCE in options.provenance and SOURCE in recorded:  # catalogs had none once
-        given[SOURCE] = _places_of(options.provenance[SOURCE], recorded[SOURCE])
-    differences = [s for place, (wanted, stored) in given.items() for s in differing(wanted, stored, place)]
+        compared[SOURCE] = _places_of(options.provenance[SOURCE], recorded[SOURCE])
+    differences = [s for place, (wanted, theirs) in compared.items() for s in differing(wanted, theirs, place)]
     differences += _other_labels(options, plan)
     if options.bounds is not None and not same_box(options.bounds, plan.bounds):
         differences.append(f"bounds: {options.bounds} here, {plan.bounds} in the catalog")
@@ -94,8 +94,8 @@ def _other_labels(options: PlanOptions, plan: CatalogPlan) -> list[str]:
         wanted = quantities_of(options.fields, plan.fields)
     except ValueError as error:
         return [str(error)]
-    known = {name: plan.field_label(name) for name in wanted}
-    return [f"fields: {q} here, {known[n] or 'none'} in the catalog" for n, q in wanted.items() if str(q) != known[n]]
+    labels = {name: plan.field_label(name) for name in wanted}
+    return [f"fields: {q} here, {labels[n] or 'none'} in the catalog" for n, q in wanted.items() if str(q) != labels[n]]
 
 
 def _records(values: Sequence[Any]) -> list[Any]:
@@ -106,22 +106,22 @@ def misplaced(catalog: Catalog, members: Iterable[PlannedMember]) -> list[str]:
     """Stored members that have a planned one's name, but other parameters, another split or other appearances."""
     planned = {m.name: m for m in members}
     differences = []
-    for stored in catalog.members:
-        if stored.name in planned:
-            wanted = planned[stored.name]
-            differences += differing(wanted.parameters, stored.parameters, f"{stored.name} parameters")
-            differences += differing(wanted.split, stored.split, f"{stored.name} split")
-            differences += _differing_appearances(wanted, stored)
+    for member in catalog.members:
+        if member.name in planned:
+            wanted = planned[member.name]
+            differences += differing(wanted.parameters, member.parameters, f"{member.name} parameters")
+            differences += differing(wanted.split, member.split, f"{member.name} split")
+            differences += _differing_appearances(wanted, member)
     return differences
 
 
-def _differing_appearances(wanted: PlannedMember, stored: Member) -> list[str]:
-    here = set(stored.appearances if wanted.appearances is None else wanted.appearances)
-    there = set(stored.appearances)
+def _differing_appearances(wanted: PlannedMember, member: Member) -> list[str]:
+    here = set(member.appearances if wanted.appearances is None else wanted.appearances)
+    there = set(member.appearances)
     if here == there:
         return []
     only_here, only_there = (shortened(sorted(names), 3) or "none" for names in (here - there, there - here))
-    return [f"{stored.name} appearances: {only_here} only here, {only_there} only in the catalog"]
+    return [f"{member.name} appearances: {only_here} only here, {only_there} only in the catalog"]
 
 
 def notes_on_member(box: Box, parameters: Mapping[str, float], plan: CatalogPlan) -> list[str]:
@@ -136,17 +136,17 @@ def notes_on_member(box: Box, parameters: Mapping[str, float], plan: CatalogPlan
     return notes
 
 
-def differing(wanted: Any, stored: Any, place: str) -> list[str]:
+def differing(wanted: Any, present: Any, place: str) -> list[str]:
     """Sentences naming each leaf in which two JSON-like values differ, both as written to disk."""
-    wanted, stored = _plain(wanted), _plain(stored)
-    if isinstance(wanted, dict) and isinstance(stored, dict):
-        keys = [*wanted, *(k for k in stored if k not in wanted)]
-        return [s for k in keys for s in differing(wanted.get(k), stored.get(k), f"{place}.{k}")]
-    if isinstance(wanted, list) and isinstance(stored, list) and len(wanted) == len(stored):
+    wanted, present = _plain(wanted), _plain(present)
+    if isinstance(wanted, dict) and isinstance(present, dict):
+        keys = [*wanted, *(k for k in present if k not in wanted)]
+        return [s for k in keys for s in differing(wanted.get(k), present.get(k), f"{place}.{k}")]
+    if isinstance(wanted, list) and isinstance(present, list) and len(wanted) == len(present):
         names = [w.get("name", i) if isinstance(w, dict) else i for i, w in enumerate(wanted)]
-        pairs = zip(names, wanted, stored, strict=True)
+        pairs = zip(names, wanted, present, strict=True)
         return [s for name, w, t in pairs for s in differing(w, t, f"{place}.{name}")]
-    return [] if wanted == stored else [f"{place}: {_short(wanted)} here, {_short(stored)} in the catalog"]
+    return [] if wanted == present else [f"{place}: {_short(wanted)} here, {_short(present)} in the catalog"]
 
 
 def _differing_views(views: ViewPlan, plan: CatalogPlan) -> list[str]:

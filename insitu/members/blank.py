@@ -58,12 +58,12 @@ def note_on_pictures(appearance: Appearance, summary: FieldSummary, *, blank: bo
 
 def _reason(function: TransferFunction, summary: FieldSummary) -> str:
     """Why a volume may be invisible."""
-    shown = opaque_values(function)
-    if not shown:
+    intervals = opaque_values(function)
+    if not intervals:
         return "the transfer function is transparent everywhere"
-    where = f"the transfer function is opaque {_listed(shown)}"
-    seen = any(start < summary.maximum and summary.minimum < end for start, end in shown)
-    return f"{where}: no camera sees these values, or they are too faint or too thin" if seen else where
+    where = f"the transfer function is opaque {_listed(intervals)}"
+    overlaps = any(start < summary.maximum and summary.minimum < end for start, end in intervals)
+    return f"{where}: no camera sees these values, or they are too faint or too thin" if overlaps else where
 
 
 def opaque_values(function: TransferFunction) -> list[tuple[float, float]]:
@@ -71,12 +71,12 @@ def opaque_values(function: TransferFunction) -> list[tuple[float, float]]:
     infinity = float("inf")
     points = function.opacity_points
     extended = [(-infinity, points[0][1]), *points, (infinity, points[-1][1])]
-    found: list[tuple[float, float]] = []
+    intervals: list[tuple[float, float]] = []
     for (start, before), (end, after) in pairwise(extended):
         if before > 0 or after > 0:
-            joins = bool(found) and found[-1][1] == start and before > 0
-            found[-1:] = [(found[-1][0], end)] if joins else [*found[-1:], (start, end)]
-    return found
+            joins = bool(intervals) and intervals[-1][1] == start and before > 0
+            intervals[-1:] = [(intervals[-1][0], end)] if joins else [*intervals[-1:], (start, end)]
+    return intervals
 
 
 def _listed(intervals: Iterable[tuple[float, float]]) -> str:

@@ -25,9 +25,9 @@ def stored_name(catalog: Catalog, request: MemberRequest, existing: Existing) ->
     if existing == "error" and same is not None:
         raise CatalogError(_duplicate(catalog, request, same))
     if existing != "replace" and request.name in catalog:
-        stored = dict(catalog.member(request.name).parameters)
+        parameters = dict(catalog.member(request.name).parameters)
         raise CatalogError(
-            f"member {request.name} is in {catalog.path} already, with other parameters, {stored}: nothing was written for "
+            f"member {request.name} is in {catalog.path} already, with other parameters, {parameters}: nothing was written for "
             f"{dict(request.parameters)}; give it another name"
         )
     return None

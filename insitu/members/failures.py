@@ -25,12 +25,12 @@ class Failures:
 
     def __init__(self, catalog: Path) -> None:
         self._catalog = catalog
-        self._found: dict[str, tuple[dict[str, Any], str]] = {}
+        self._failures: dict[str, tuple[dict[str, Any], str]] = {}
 
     @property
     def reasons(self) -> dict[str, str]:
         """Why each is missing, by name."""
-        return {name: reason for name, (_, reason) in self._found.items()}
+        return {name: reason for name, (_, reason) in self._failures.items()}
 
     def add(
         self, name: str, parameters: Mapping[str, Any], error: Exception, warn: Callable[[Warning], None]
@@ -42,7 +42,7 @@ class Failures:
         self, name: str, parameters: Mapping[str, Any], reason: str, warn: Callable[[Warning], None]
     ) -> RenderedMember:
         """The same, and why it is missing in words."""
-        self._found[name] = dict(parameters), reason
+        self._failures[name] = dict(parameters), reason
         self.record()
         warn_safely(
             MissingMemberWarning(f"member {name} is missing: {reason}. The run goes on; render it again later"), warn
@@ -51,21 +51,21 @@ class Failures:
 
     def forget(self, name: str, parameters: Mapping[str, Any]) -> None:
         """Take note that a member is there after all, be it under another name."""
-        self._found = {n: found for n, found in self._found.items() if n != name and found[0] != parameters}
+        self._failures = {n: failure for n, failure in self._failures.items() if n != name and failure[0] != parameters}
         no_longer_missing(self._catalog, name, parameters)
 
     def record(self) -> None:
         """Write into the catalog, if there is one, what is missing; a disk that refuses has no say."""
         with suppress(Exception):
             if (self._catalog / "catalog.json").is_file():
-                for name, (parameters, reason) in self._found.items():
+                for name, (parameters, reason) in self._failures.items():
                     report_missing(self._catalog, name, parameters, reason)
 
 
 def called(member: MemberArguments, space: ParameterSpace | None) -> tuple[str, dict[str, Any]]:
     """Name and parameters as a stored member would have them, or what comes nearest to that where they are wrong."""
-    given: Any = member.parameters
-    parameters = dict(given) if isinstance(given, Mapping) else {}
+    mapping: Any = member.parameters
+    parameters = dict(mapping) if isinstance(mapping, Mapping) else {}
     if space is not None:
         with suppress(Exception):
             parameters = dict(with_time(parameters, member.time, space)[0])

@@ -146,8 +146,8 @@ def appearances_from(appearances: Appearance | Iterable[Appearance] | None) -> t
     if appearances is None:
         return None
     several = isinstance(appearances, Iterable) and not isinstance(appearances, str | bytes | Mapping)
-    found: tuple[Any, ...] = tuple(appearances) if several else (appearances,)  # type: ignore[arg-type]
-    for appearance in found:
+    chosen: tuple[Any, ...] = tuple(appearances) if several else (appearances,)  # type: ignore[arg-type]
+    for appearance in chosen:
         if isinstance(appearance, TransferFunction):
             raise ValueError(
                 "a TransferFunction is not yet an appearance: say how it shows the field and what that is called, "
@@ -167,20 +167,20 @@ def appearances_from(appearances: Appearance | Iterable[Appearance] | None) -> t
                 "appearances must be VolumeRendering(name, transfer_function), Isosurface(name, isovalue) or several of "
                 f"them, got {shortened(appearance)}"
             )
-    check_present(found)
-    return found
+    check_present(chosen)
+    return chosen
 
 
 def variations_from(variations: Iterable[Variation] | None) -> tuple[Variation, ...] | None:
     """Variations as a tuple; raises ValueError for what is none."""
     if variations is None:
         return None
-    found = tuple(variations) if isinstance(variations, Iterable) else (variations,)
-    for variation in found:
+    chosen = tuple(variations) if isinstance(variations, Iterable) else (variations,)
+    for variation in chosen:
         if not isinstance(variation, Variation):
             remedy = ": pass its .variation" if isinstance(variation, Family) else ""
             raise ValueError(f"variations must be Variation objects, got {shortened(variation)}{remedy}")
-    return found
+    return chosen
 
 
 def appearances_from_toml(path: Path) -> tuple[Appearance, ...]:
@@ -231,14 +231,14 @@ def measure_pilot(fields: MemberFields, options: PlanOptions) -> Pilot:
     if options.sample_distance is not None or not volumes:
         return Pilot(bounds, fields.ranges, quantities=fields.quantities)
     variations, target = options.variations or (), options.target_decibels or TARGET_DECIBELS
-    found = measured_distances(fields, appearances, variations, cameras, target)
+    distances = measured_distances(fields, appearances, variations, cameras, target)
     return Pilot(
         bounds,
         fields.ranges,
-        finest_of_families(found, appearances, variations),
-        tuple(distance.note for distance in found.values() if distance.note),
+        finest_of_families(distances, appearances, variations),
+        tuple(distance.note for distance in distances.values() if distance.note),
         fields.quantities,
-        {name: distance.change for name, distance in found.items()},
+        {name: distance.change for name, distance in distances.items()},
     )
 
 
@@ -322,8 +322,8 @@ def plan_catalog(pilot: Pilot, options: PlanOptions) -> CatalogPlan:
 
 def _value_ranges(pilot: Pilot, appearances: Sequence[Appearance]) -> dict[str, Any]:
     """The ensemble's fixed range of values, or the range of each of several fields, as a plan records them."""
-    shown = shown_fields(appearances)
-    by = {f: list(value_range([a for a in appearances if field_of(a) == f], pilot.ranges[f])) for f in shown}
+    names = shown_fields(appearances)
+    by = {f: list(value_range([a for a in appearances if field_of(a) == f], pilot.ranges[f])) for f in names}
     return {"value_ranges": by} if len(by) > 1 else {"value_range": next(iter(by.values()))}
 
 
@@ -345,8 +345,8 @@ def given_distances(distance: float | Mapping[str, float], appearances: Sequence
 
 
 def _software() -> dict[str, str]:
-    found = {}
+    versions = {}
     for package in ("gs-surrogate", "vtk", "numpy"):
         with suppress(PackageNotFoundError):
-            found[package] = version(package)
-    return found
+            versions[package] = version(package)
+    return versions

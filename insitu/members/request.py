@@ -62,7 +62,7 @@ class MemberRequest:
     parameters : by name, in the space's order, its time among them where that is one.
     split : "train", "validation" or "test".
     record : JSON values that are kept with the member.
-    shown : the appearances that it is shown with, in the catalog's order.
+    appearances : the appearances that it is shown with, in the catalog's order.
     """
 
     name: str
@@ -70,32 +70,32 @@ class MemberRequest:
     parameters: Mapping[str, float]
     split: str
     record: Mapping[str, Any]
-    shown: tuple[Appearance, ...]
+    appearances: tuple[Appearance, ...]
 
 
 def member_request(
     space: ParameterSpace,
-    known: Sequence[Appearance],
-    asked: MemberArguments,
+    all_appearances: Sequence[Appearance],
+    arguments: MemberArguments,
 ) -> MemberRequest:
-    """The checked request of a member of an ensemble of this space and these `known` appearances.
+    """The checked request of a member of an ensemble of this space and these appearances.
 
     Raises ValueError or CatalogError naming what is wrong: parameters, time, name, split, provenance or appearances.
     """
-    parameters, time = with_time(asked.parameters, asked.time, space)
+    parameters, time = with_time(arguments.parameters, arguments.time, space)
     ordered = dict(zip(space.names, space.values(parameters, outside="allow").tolist(), strict=True))
-    wanted = set(known_appearances(asked.appearances, [a.name for a in known]))
-    if asked.split not in SPLITS:
-        raise ValueError(f"split must be one of {joined_names(SPLITS)}, got {asked.split!r}")
-    chosen = member_name(ordered) if asked.name is None else asked.name
+    wanted = set(known_appearances(arguments.appearances, [a.name for a in all_appearances]))
+    if arguments.split not in SPLITS:
+        raise ValueError(f"split must be one of {joined_names(SPLITS)}, got {arguments.split!r}")
+    chosen = member_name(ordered) if arguments.name is None else arguments.name
     problem = name_problem(chosen)
     if problem:
         raise CatalogError(f"invalid member name: {problem}")
-    stated = {**(asked.provenance or {}), **({} if time is None else {"time": time})}
+    stated = {**(arguments.provenance or {}), **({} if time is None else {"time": time})}
     record = json_values(stated, f"the provenance of member {chosen}")
-    shown = tuple(a for a in known if a.name in wanted)
-    check_present(shown)
-    return MemberRequest(chosen, asked.name is not None, ordered, asked.split, record, shown)
+    appearances = tuple(a for a in all_appearances if a.name in wanted)
+    check_present(appearances)
+    return MemberRequest(chosen, arguments.name is not None, ordered, arguments.split, record, appearances)
 
 
 def with_time(

@@ -59,10 +59,10 @@ def card(
     return f'<div style="{FRAME}"><div style="font-weight:600">{_text(heading)}</div>{table}{sheet}{below}</div>'
 
 
-def never_failing(heading: str, made: Callable[[], str]) -> str:
-    """The result of `made`, or a card with its exception."""
+def never_failing(heading: str, make: Callable[[], str]) -> str:
+    """The result of `make`, or a card with its exception."""
     try:
-        return made()
+        return make()
     except Exception as error:  # a repr must not take the notebook's cell with it
         return card(heading, [("can't be shown", f"{type(error).__name__}: {error}")])
 

@@ -89,8 +89,8 @@ class Tally:
         learnt = "; learnt by its logarithm" if parameter.spans_decade and parameter.scale != "log" else ""
         if not len(values):
             return f"{parameter}{learnt}"
-        seen = f"members from {parameter.text(values[0])} to {parameter.text(values[-1])}, {len(values)} values"
-        return f"{parameter}; {seen}{learnt}"
+        extent = f"members from {parameter.text(values[0])} to {parameter.text(values[-1])}, {len(values)} values"
+        return f"{parameter}; {extent}{learnt}"
 
     def _view_count(self) -> str:
         plan, numbers = self._plan, self._views or {0}

@@ -78,8 +78,10 @@ def test_the_only_field_needs_no_name(data: Any) -> None:
 
 def test_only_what_a_member_shows_is_looked_at() -> None:
     broken = {"q": np.full((3, 4, 5), np.nan), "speed": VALUES}
-    assert list(as_fields(broken, NAMED[1:2], FieldLocation(**PLACED), known=NAMED).grids) == ["speed"]
-    assert list(as_fields({"speed": VALUES}, NAMED[1:2], FieldLocation(**PLACED), known=NAMED).grids) == ["speed"]
+    assert list(as_fields(broken, NAMED[1:2], FieldLocation(**PLACED), all_appearances=NAMED).grids) == ["speed"]
+    assert list(as_fields({"speed": VALUES}, NAMED[1:2], FieldLocation(**PLACED), all_appearances=NAMED).grids) == [
+        "speed"
+    ]
 
 
 def test_holes_are_each_fields_own() -> None:

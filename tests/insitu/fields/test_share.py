@@ -40,7 +40,7 @@ def test_ghost_layers_are_no_part_of_the_block(ghosts, window, origin) -> None:
     found = share(VALUES, ghosts=ghosts, origin=(0.0, 0.0, 0.0))
     np.testing.assert_array_equal(found.owned("").values, VALUES[window])
     assert found.own == BlockExtent(VALUES[window].shape, (1.0, 2.0, 3.0), origin)
-    assert found.held == BlockExtent(VALUES.shape, (1.0, 2.0, 3.0), (0.0, 0.0, 0.0))
+    assert found.extent == BlockExtent(VALUES.shape, (1.0, 2.0, 3.0), (0.0, 0.0, 0.0))
     np.testing.assert_array_equal(found.fields[""].values, VALUES)
 
 

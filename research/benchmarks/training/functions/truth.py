@@ -114,7 +114,7 @@ def truth(wanted: TruthRequest, run: Path, say: Callable[[str], None] = lambda _
 
 def _fields(wanted: TruthRequest, member: PlannedMember) -> Fields:
     data = wanted.ensemble.source.field(member, lambda _: None)
-    return as_fields(data, [wanted.base], known=wanted.catalog.plan.appearances)
+    return as_fields(data, [wanted.base], all_appearances=wanted.catalog.plan.appearances)
 
 
 def _created(path: Path, wanted: TruthRequest, first: Fields) -> Catalog:
