@@ -8,20 +8,17 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import product
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from catalogs.vocabulary.holes import continued
+
 Triple = tuple[float, float, float]
 
 SAMPLES = ("float32", "float64", "int32", "uint32", "int64", "uint64")
 FLOAT32_INTEGERS = 1 << 24  # float32 holds every whole number up to here
-NEIGHBOURS = sorted(  # offsets (z, y, x) to the 26 samples around one, nearest first
-    (offset for offset in product((-1, 0, 1), repeat=3) if any(offset)),
-    key=lambda offset: (sum(map(abs, offset)), offset[::-1]),
-)
 
 
 @dataclass(frozen=True, eq=False)
@@ -166,23 +163,6 @@ def _exact_type(values: NDArray[Any]) -> np.dtype[Any]:
         return single if within else own
     with np.errstate(over="ignore"):
         return single if all((plane.astype(single) == plane).all() for plane in values) else own
-
-
-def continued(values: NDArray[Any], holes: NDArray[np.bool_]) -> NDArray[Any]:
-    """A copy of `values`, the `holes` filled as `Grid.holes` says.
-
-    The distance transform that would fill them all takes ten times the memory.
-    """
-    filled = np.array(values, order="C")
-    filled[holes] = filled.reshape(-1)[np.argmin(holes)]
-    empty = holes.copy()
-    for offset in NEIGHBOURS:
-        here = tuple(slice(max(0, -o), n - max(0, o)) for o, n in zip(offset, values.shape, strict=True))
-        there = tuple(slice(max(0, o), n - max(0, -o)) for o, n in zip(offset, values.shape, strict=True))
-        taken = empty[here] & ~holes[there]
-        filled[here][taken] = filled[there][taken]
-        empty[here] &= holes[there]
-    return filled
 
 
 def triple(name: str, value: ArrayLike) -> Triple:

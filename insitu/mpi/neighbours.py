@@ -9,10 +9,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from catalogs.vocabulary.holes import continued
 from insitu.mpi.layout import BlockLayout
 from insitu.mpi.ranks import RankGroup
 from render.blocks import ABOVE, BELOW, Block
-from render.grids import Grid, continued
+from render.grids import Grid
 from render.partition import Index, Piece
 
 IndexBox = tuple[NDArray[np.int64], NDArray[np.int64]]  # first sample and the one after the last, (3,) z, y, x

@@ -1,5 +1,5 @@
 """C++ kernels behind plain arrays, with gradients: splatting, image loss, bilinear offsets, transfer functions, blended values,
-opacities along rays, colours by direction and light, steps of Adam.
+opacities along rays, colours by direction and light, fields along rays, steps of Adam.
 
 No torch or logic.  Arrays are float32 and C-contiguous (others are
 copied); the same input gives bitwise the same output for any number of threads.
@@ -55,6 +55,11 @@ copied); the same input gives bitwise the same output for any number of threads.
             light: red, green, blue, ambient, diffuse, specular, specular power, as `surrogate.lighting.Lighting` has them
     lit_colors_gradient(means, normals, light, position, by_colors, threads, instruction_set="")
             -> gradients by means and normals, from those by the colours (N, 3)
+    cast_field(values, holes, low, high, threads) -> CastField
+            values (nz, ny, nx), of which low and high become 0 and 1; holes: bool, of the same shape, or None
+    cast_volume(field, knots, distances, light, rays, size, threads, instruction_set="") -> picture (H, W, 4)
+            knots (K, 5): places increasing from 0 to 1, opacity, red, green, blue; distances: between samples, and of opacities
+            light: None, or ambient, diffuse, specular, power; rays (5, 3): see `surrogate.ray_casting.fields`; size: width, height
     step_rows(tensor, gradient, first, second, steps, rate, instruction_set="")
             changes tensor, both moments, of one shape (N, ...), and steps (N,) in place, where a row of the gradient is not zero
     instruction_sets() -> names, the best of this machine first; "" stands for what the environment variable

@@ -60,6 +60,13 @@ def lit_colors(means: Annotated[NDArray[numpy.float32], dict(order='C', device='
 
 def lit_colors_gradient(means: Annotated[NDArray[numpy.float32], dict(order='C', device='cpu', writable=False)], normals: Annotated[NDArray[numpy.float32], dict(order='C', device='cpu', writable=False)], light: Sequence[float], position: Sequence[float], by_colors: Annotated[NDArray[numpy.float32], dict(order='C', device='cpu', writable=False)], threads: int, instruction_set: str = '') -> tuple[Annotated[NDArray[numpy.float32], dict(order='C')], Annotated[NDArray[numpy.float32], dict(order='C')]]: ...
 
+class CastField:
+    pass
+
+def cast_field(values: Annotated[NDArray[numpy.float32], dict(order='C', device='cpu', writable=False)], holes: Annotated[NDArray[numpy.bool_], dict(order='C', device='cpu', writable=False)] | None, low: float, high: float, threads: int) -> CastField: ...
+
+def cast_volume(field: CastField, knots: Annotated[NDArray[numpy.float64], dict(shape=(None, 5), order='C', device='cpu', writable=False)], distances: Sequence[float], light: Sequence[float] | None, rays: Annotated[NDArray[numpy.float64], dict(shape=(5, 3), order='C', device='cpu', writable=False)], size: Sequence[int], threads: int, instruction_set: str = '') -> Annotated[NDArray[numpy.float32], dict(order='C')]: ...
+
 def step_rows(tensor: Annotated[NDArray[numpy.float32], dict(order='C', device='cpu')], gradient: Annotated[NDArray[numpy.float32], dict(order='C', device='cpu', writable=False)], first: Annotated[NDArray[numpy.float32], dict(order='C', device='cpu')], second: Annotated[NDArray[numpy.float32], dict(order='C', device='cpu')], steps: Annotated[NDArray[numpy.float32], dict(order='C', device='cpu')], rate: float, instruction_set: str = '') -> None: ...
 
 @overload

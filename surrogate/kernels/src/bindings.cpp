@@ -30,6 +30,7 @@ void bind_averages(nb::module_& m);   // average_bindings.cpp
 void bind_blends(nb::module_& m);     // blend_bindings.cpp
 void bind_rays(nb::module_& m);       // ray_bindings.cpp
 void bind_row_steps(nb::module_& m);  // row_step_bindings.cpp
+void bind_casting(nb::module_& m);    // cast_bindings.cpp
 
 namespace {
 
@@ -313,6 +314,7 @@ NB_MODULE(_kernels, m) {
     bind_averages(m);
     bind_blends(m);
     bind_rays(m);
+    bind_casting(m);
     bind_row_steps(m);
     // Bytes first, and not converted: floats would be cut to them.
     m.def("image_loss", &bound_image_loss<Bytes>, "image"_a, nb::arg("target").noconvert(), "ssim_weight"_a, "threads"_a,

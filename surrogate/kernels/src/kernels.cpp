@@ -29,6 +29,7 @@ namespace {
 #include "directional.inc"
 #include "lit.inc"
 #include "row_steps.inc"
+#include "casting.inc"
 
 }  // namespace
 
@@ -59,6 +60,7 @@ extern const Kernels GS_KERNELS = {
     lit_colors,
     lit_colors_backward,
     step_rows,
+    cast_tile,
 };
 
 }  // namespace gs

@@ -4,6 +4,8 @@
 #include <cstddef>
 #include <cstdint>
 
+#include "cast_data.hpp"
+
 namespace gs {
 
 constexpr int kMoments = 9;  // sums kept per (Gaussian, tile): see backward_tile in tiles.inc
@@ -300,6 +302,8 @@ struct Kernels {
     void (*lit_colors_backward)(const Lit&, int64_t first, int64_t last, const float* upstream, float* by_means, float* by_normals);
     // A step of Adam for the rows that have a gradient, see row_steps.inc.
     void (*step_rows)(const RowStep&);
+    // Pixels of a volume rendering [H, W, 4], see casting.inc; left and top are multiples of 4.
+    void (*cast_tile)(const CastField&, const CastFunction&, const CastRays&, int left, int top, int right, int bottom, float* picture);
 };
 
 extern const Kernels kernels_baseline;

@@ -1,0 +1,43 @@
+// What the ray caster reads: a field, a transfer function, and the rays of a camera.
+#pragma once
+
+#include <cstdint>
+
+namespace gs {
+
+constexpr int kBrick = 8;             // grid cells along an edge of a brick
+constexpr int kSegmentColumns = 12;   // of a segment, see CastFunction
+constexpr int kShortFunction = 32;    // segments that AVX-512 keeps in registers
+
+// Samples [z + 1, y + 2, x + 2] of a field with one more, a repetition, at either end of each axis, so that a place has its cell at
+// its coordinates + 1, rounded down.  A sample lies beside the next along z: four numbers in a row are the corners of a cell's side.
+struct CastField {
+    const float* pairs;      // [z + 1, y + 2, x + 2, 2]
+    const uint8_t* hidden;   // [z + 1, y + 2, x + 2] of cells by their first corner; null where none is
+    int size[3];             // x, y, z samples of the field itself
+    int row, slice;          // pairs from one to the next along y and z
+    int bricks[3], brick_row, brick_slice;
+};
+
+// Opacities and colours over values from 0 to 1: segments that begin at increasing places, the first at 0.
+// A row is place, opacity, its slope, 0; red, green, blue, 0; their slopes, 0.
+struct CastFunction {
+    const float* rows;       // [count, kSegmentColumns]
+    const float* columns;    // [kSegmentColumns, kShortFunction], the same, of a short function
+    const float* begins;     // [count + 1], the last beyond 1
+    const int32_t* first;    // [cells + 1]: the segment in which each of equal parts of 0 to 1 begins
+    const uint8_t* clear;    // [z, y, x] of bricks: 0 where something is seen, else bricks to the nearest such; null where none is clear
+    int count, cells;
+    int most;                // places inside of one part, the most
+    double per_distance, per_unit;  // of world units: 1 / sample distance, 1 / opacity unit distance
+    bool shaded;
+    float ambient, diffuse, specular, power;
+};
+
+// Rays from `eye` along across * column + down * row + corner, in samples; `spacing` has world units.
+struct CastRays {
+    double eye[3], across[3], down[3], corner[3], spacing[3];
+    int width, height;
+};
+
+}  // namespace gs

@@ -1,0 +1,186 @@
+#include "casting.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "parallel.hpp"
+
+namespace gs {
+namespace {
+
+constexpr int kTile = 32;             // pixels along a side, a multiple of a packet's
+constexpr double kFarthest = 1e6;     // of values, so that single precision never overflows
+constexpr int kFewestCells = 64, kMostParts = 4096;
+constexpr int kFarthestBrick = 16;
+
+float range_value(float value, double low, double per_unit) {
+    return float(std::clamp((double(value) - low) * per_unit, -kFarthest, kFarthest));
+}
+
+}  // namespace
+
+PaddedField::PaddedField(const float* values, const bool* holes, const int size[3], double low, double high, int threads) {
+    CastField& f = field;
+    std::copy(size, size + 3, f.size);
+    f.row = size[0] + 2;
+    f.slice = f.row * (size[1] + 2);
+    for (int k = 0; k < 3; ++k) f.bricks[k] = (size[k] + kBrick) / kBrick;  // of size + 1 cells
+    f.brick_row = f.bricks[0];
+    f.brick_slice = f.bricks[0] * f.bricks[1];
+    const int64_t cells = int64_t(f.slice) * (size[2] + 1), bricks = int64_t(f.brick_slice) * f.bricks[2];
+    float* pairs = pairs_.resize(size_t(2 * cells));
+    uint8_t* hidden = holes ? hidden_.resize(size_t(cells)) : nullptr;
+    float *least = least_.resize(size_t(bricks)), *most = most_.resize(size_t(bricks));
+    const int64_t row = size[0], slice = int64_t(size[0]) * size[1];
+    const double per_unit = 1.0 / (high - low);
+    const auto within = [&](int k, int64_t at) { return std::clamp<int64_t>(at - 1, 0, size[k] - 1); };
+    parallel(size[2] + 2, threads, [&](int64_t z) {  // every slice is the first of one's pairs and the second of another's
+        for (int64_t y = 0; y < size[1] + 2; ++y) {
+            const float* from = values + within(2, z) * slice + within(1, y) * row;
+            float* first = z <= size[2] ? pairs + 2 * (z * f.slice + y * f.row) : nullptr;
+            float* second = z > 0 ? pairs + 2 * ((z - 1) * f.slice + y * f.row) + 1 : nullptr;
+            for (int64_t x = 0; x < f.row; ++x) {
+                const float value = range_value(from[within(0, x)], low, per_unit);
+                if (first) first[2 * x] = value;
+                if (second) second[2 * x] = value;
+            }
+        }
+    });
+    if (hidden) {
+        const auto corner = [&](int k, int64_t at) { return std::clamp<int64_t>(at - 1, 0, size[k] - 2); };
+        parallel(size[2] + 1, threads, [&](int64_t z) {
+            for (int64_t y = 0; y < size[1] + 2; ++y)
+                for (int64_t x = 0; x < f.row; ++x) {
+                    const bool* at = holes + corner(2, z) * slice + corner(1, y) * row + corner(0, x);
+                    bool found = false;
+                    for (const bool* side : {at, at + slice})
+                        found = found || side[0] || side[1] || side[row] || side[row + 1];
+                    hidden[z * f.slice + y * f.row + x] = found;
+                }
+        });
+    }
+    f.pairs = pairs;
+    f.hidden = hidden;
+    parallel(f.bricks[2], threads, [&](int64_t bz) {
+        float *low_of = least + bz * f.brick_slice, *high_of = most + bz * f.brick_slice;
+        std::fill(low_of, low_of + f.brick_slice, std::numeric_limits<float>::infinity());
+        std::fill(high_of, high_of + f.brick_slice, -std::numeric_limits<float>::infinity());
+        const int64_t end = std::min<int64_t>(kBrick * (bz + 1), size[2] + 1);
+        for (int64_t z = kBrick * bz; z < end; ++z)
+            for (int64_t y = 0; y < size[1] + 2; ++y)
+                for (int64_t by = std::max<int64_t>(0, (y - 1) / kBrick); by <= y / kBrick && by < f.bricks[1]; ++by)
+                    for (int64_t bx = 0; bx < f.bricks[0]; ++bx) {
+                        const float* at = pairs + 2 * (z * f.slice + y * f.row + kBrick * bx);
+                        const int64_t count = 2 * std::min<int64_t>(kBrick + 1, f.row - kBrick * bx);
+                        float &l = low_of[by * f.brick_row + bx], &h = high_of[by * f.brick_row + bx];
+                        for (int64_t k = 0; k < count; ++k) l = std::min(l, at[k]), h = std::max(h, at[k]);
+                    }
+    });
+}
+
+SegmentedFunction::SegmentedFunction(const double* knots, int64_t count, const PaddedField& padded) {
+    const double* last = knots + 5 * (count - 1);
+    const double before[5] = {std::min(knots[0], 0.0), knots[1], knots[2], knots[3], knots[4]};
+    const double behind[5] = {std::max(last[0], 2.0), last[1], last[2], last[3], last[4]};
+    add(before, knots);
+    for (int64_t k = 0; k + 1 < count; ++k) add(knots + 5 * k, knots + 5 * (k + 1));
+    add(last, behind);
+    function.count = int(begins_.size());
+    begins_.push_back(std::numeric_limits<float>::infinity());
+    if (function.count <= kShortFunction) {
+        float* columns = columns_.resize(size_t(kSegmentColumns * kShortFunction));
+        std::fill(columns, columns + kSegmentColumns * kShortFunction, 0.0f);
+        for (int s = 0; s < function.count; ++s)
+            for (int k = 0; k < kSegmentColumns; ++k) columns[k * kShortFunction + s] = rows_[size_t(s * kSegmentColumns + k)];
+        function.columns = columns;
+    }
+    divide();
+    find_clear(padded);
+    function.rows = rows_.data();
+    function.begins = begins_.data();
+    function.first = first_.data();
+    function.clear = clear_.empty() ? nullptr : clear_.data();
+}
+
+// A segment between two knots, none where single precision does not tell them apart.
+void SegmentedFunction::add(const double* from, const double* to) {
+    const float begin = float(from[0]), end = float(to[0]);
+    if (!(begin < end)) return;
+    begins_.push_back(begin);
+    const double length = double(end) - begin;
+    double slopes[5];
+    for (int k = 1; k < 5; ++k) slopes[k] = (to[k] - from[k]) / length;
+    const double row[kSegmentColumns] = {begin,   from[1], slopes[1], 0, from[2],   from[3],
+                                         from[4], 0,       slopes[2], slopes[3], slopes[4], 0};
+    for (double number : row) rows_.push_back(float(number));
+}
+
+// Equal parts of 0 to 1, fine enough that few have a second place inside.
+void SegmentedFunction::divide() {
+    for (function.cells = kFewestCells; ; function.cells *= 2) {
+        first_.assign(size_t(function.cells) + 1, 0);
+        function.most = 0;
+        int segment = 0;
+        for (int cell = 0; cell <= function.cells; ++cell) {
+            const float low = float(cell) / float(function.cells), high = float(cell + 1) / float(function.cells);
+            while (begins_[size_t(segment) + 1] <= low) ++segment;
+            first_[size_t(cell)] = segment;
+            int inside = 0;
+            while (begins_[size_t(segment + inside) + 1] < high) ++inside;
+            function.most = std::max(function.most, inside);
+        }
+        if (function.most <= 1 || function.cells >= kMostParts) return;
+    }
+}
+
+float SegmentedFunction::most_opacity(float low, float high) const {
+    low = std::clamp(low, 0.0f, 1.0f), high = std::clamp(high, 0.0f, 1.0f);
+    float most = 0.0f;
+    for (int s = 0; s < function.count; ++s) {
+        const float begin = begins_[size_t(s)], end = begins_[size_t(s) + 1];
+        if (begin > high || end < low) continue;
+        const float* row = rows_.data() + size_t(s) * kSegmentColumns;
+        for (float at : {std::max(begin, low), std::min(end, high)}) most = std::max(most, row[1] + (at - begin) * row[2]);
+    }
+    return most;
+}
+
+void SegmentedFunction::find_clear(const PaddedField& padded) {
+    const CastField& f = padded.field;
+    const int64_t count = int64_t(f.brick_slice) * f.bricks[2];
+    clear_.resize(size_t(count));
+    bool found = false;
+    for (int64_t k = 0; k < count; ++k) {
+        clear_[size_t(k)] = most_opacity(padded.least()[k], padded.most()[k]) > 0.0f ? 0 : kFarthestBrick;
+        found = found || clear_[size_t(k)];
+    }
+    if (!found) return clear_.clear();
+    // Distances by the largest difference of coordinates: one axis after the other, there and back.
+    const int64_t strides[3] = {1, f.brick_row, f.brick_slice};
+    std::vector<uint8_t> line;
+    for (int axis = 0; axis < 3; ++axis) {
+        const int64_t stride = strides[axis];
+        const int length = f.bricks[axis];
+        for (int64_t k = 0; k < count; ++k) {
+            if ((k / stride) % length) continue;
+            line.assign(size_t(length), kFarthestBrick);
+            for (int i = 0; i < length; ++i)
+                for (int j = std::max(0, i - kFarthestBrick); j < std::min(length, i + kFarthestBrick + 1); ++j)
+                    line[size_t(i)] = uint8_t(std::min<int>(line[size_t(i)], std::max<int>(clear_[size_t(k + j * stride)], std::abs(i - j))));
+            for (int i = 0; i < length; ++i) clear_[size_t(k + i * stride)] = line[size_t(i)];
+        }
+    }
+}
+
+void cast_volume(const CastField& field, const CastFunction& function, const CastRays& rays, const Kernels& kernels, int threads,
+                 float* picture) {
+    const int across = (rays.width + kTile - 1) / kTile, down = (rays.height + kTile - 1) / kTile;
+    parallel(int64_t(across) * down, threads, [&](int64_t task) {
+        const int left = int(task % across) * kTile, top = int(task / across) * kTile;
+        kernels.cast_tile(field, function, rays, left, top, std::min(left + kTile, rays.width), std::min(top + kTile, rays.height),
+                          picture);
+    });
+}
+
+}  // namespace gs
