@@ -118,6 +118,43 @@ def test_every_frame_has_its_own_lens(data: DataSet, tmp_path: Path) -> None:
     assert set(lenses.values()) == {(9.0, 8.5, 4.25, 2.5)}
 
 
+@pytest.mark.parametrize(
+    ("of_file", "of_frame", "pixels_per_tangent", "centre"),
+    [
+        ({"camera_angle_x": ANGLE, "cx": 3.0, "cy": 4.5}, {}, (FOCAL, FOCAL), (3.0, 4.5)),
+        ({"camera_angle_x": ANGLE}, {"cx": 5.25}, (FOCAL, FOCAL), (5.25, 3.0)),
+        ({"camera_angle_x": ANGLE, "camera_angle_y": math.pi / 2}, {}, (FOCAL, HEIGHT / 2), (4.0, 3.0)),
+        ({"camera_angle_x": ANGLE}, {"camera_angle_x": math.pi / 2}, (WIDTH / 2, WIDTH / 2), (4.0, 3.0)),
+        ({"fl_x": 9.0, "w": 16}, {"fl_x": 7.0, "w": WIDTH, "h": HEIGHT}, (7.0, 7.0), (4.0, 3.0)),
+    ],
+    ids=["off-centre", "frame's centre", "oblong pixels", "frame's angle", "frame's length and size"],
+)
+def test_a_point_is_seen_where_the_lens_says(
+    data: DataSet,
+    tmp_path: Path,
+    of_file: dict[str, Any],
+    of_frame: dict[str, Any],
+    pixels_per_tangent: tuple[float, float],
+    centre: tuple[float, float],
+) -> None:
+    """By OpenGL's axes of the stored pose: x to the right, y up, the camera looking along -z."""
+    for record in data.records.values():
+        record.pop("camera_angle_x")
+        record.update(of_file)
+        for frame in record["frames"]:
+            frame.update(of_frame)
+    data.save()
+    point = np.array([0.3, -0.2, 0.45, 1.0])
+    poses = {f["file_path"]: f["transform_matrix"] for r in data.records.values() for f in r["frames"]}
+    for member in bring(data, tmp_path).members:
+        for name, camera in zip(member.provenance["pictures"], member.cameras, strict=True):
+            x, y, z, _ = np.linalg.solve(poses[f"./{name.removesuffix('.png')}"], point)
+            expected = [centre[0] - pixels_per_tangent[0] * x / z, centre[1] + pixels_per_tangent[1] * y / z]
+            seen = camera.world_to_camera @ point
+            u, v = camera.fx * seen[0] / seen[2] + camera.cx, camera.fy * seen[1] / seen[2] + camera.cy
+            assert [u, v] == pytest.approx(expected, abs=1e-9)
+
+
 @pytest.mark.parametrize("where", ["file", "frame"])
 def test_keys_that_change_pictures_stop_the_import(data: DataSet, tmp_path: Path, where: str) -> None:
     record = data.records["test"] if where == "file" else data.records["train"]["frames"][3]
