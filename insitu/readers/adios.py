@@ -13,8 +13,9 @@ import signal
 import subprocess
 import sys
 import threading
+import time
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
@@ -30,6 +31,9 @@ from insitu.readers.reader import Reader, Sampling, StoredState
 
 PATIENCE = 60.0  # seconds that the process may take before it answers, and
 SLOWEST = 1e7  # bytes a second after that
+ASLEEP = 4.0  # seconds that it may sleep at a stretch: of data cut short, the library sleeps until they come
+POLL = 0.25  # seconds between two looks at it
+BUSY = 0.05  # part of the time in which a process that works uses a processor
 LARGEST = 1 << 26  # bytes of a description
 BASE = 1 << 31  # bytes of address space that the process takes without any data
 ADIOS2 = "reading ADIOS2 takes its library: pip install 'gs-surrogate[adios2]'"
@@ -187,12 +191,31 @@ def _process(request: Mapping[str, Any]) -> Iterator[subprocess.Popen[bytes]]:
 
 @contextmanager
 def _ended_after(process: subprocess.Popen[bytes], seconds: float) -> Iterator[None]:
-    timer = threading.Timer(seconds, process.kill)
-    timer.start()
+    """Kill a process that takes longer than `seconds`, or sleeps, which waiting for a disk is not."""
+    done = threading.Event()
+    watch = threading.Thread(target=_watch, args=(process, seconds, done), daemon=True)
+    watch.start()
     try:
         yield
     finally:
-        timer.cancel()
+        done.set()
+        watch.join()
+
+
+def _watch(process: subprocess.Popen[bytes], seconds: float, done: threading.Event) -> None:
+    import psutil
+
+    end = time.monotonic() + seconds
+    since, used = time.monotonic(), 0.0
+    with suppress(psutil.Error):  # it ended
+        seen = psutil.Process(process.pid)
+        while not done.wait(min(POLL, max(0.0, end - time.monotonic()))):
+            now, work = time.monotonic(), sum(seen.cpu_times()[:2])
+            if seen.status() != psutil.STATUS_SLEEPING or work - used > BUSY * (now - since):
+                since, used = now, work
+            if now >= end or now - since > ASLEEP:
+                process.kill()
+                return
 
 
 def _answer(process: subprocess.Popen[bytes], path: Path, idle: float | None) -> dict[str, Any] | None:
@@ -231,7 +254,7 @@ def _fill(process: subprocess.Popen[bytes], values: NDArray[Any]) -> bool:
 def _ending(code: int) -> str:
     """The end of a process that gave no answer, in words."""
     if code == -signal.SIGKILL:
-        return "ADIOS2 did not answer in time: is the file damaged, or being written?"
+        return "ADIOS2 did not answer in time: was the file cut short or damaged, or is it being written?"
     how = f"signal {-code}" if code < 0 else f"status {code}"
     return f"ADIOS2 ended its process ({how}) when reading it: it is damaged"
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib.util
 import shutil
 import tempfile
+import time
 from pathlib import Path
 
 import numpy as np
@@ -92,6 +93,21 @@ def test_a_file_that_grew_has_not_changed(tmp_path: Path) -> None:
     data = path / "data.0"
     data.write_bytes(data.read_bytes()[:-8000])
     assert ensemble.is_changed(member, before)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("engine", ["BP4", "BP5"])
+@pytest.mark.parametrize("part", [0.0, 0.4])
+def test_data_cut_short_are_answered_soon(tmp_path: Path, engine: str, part: float) -> None:
+    path = write(tmp_path / "run.bp", engine)
+    data = path / "data.0"
+    data.write_bytes(data.read_bytes()[: int(part * data.stat().st_size)])
+    start = time.monotonic()
+    with pytest.raises(
+        ValueError, match=r"run\.bp: .*ADIOS2 (did not answer in time: was the file cut|cannot read it)"
+    ):
+        read_data(path, array="density", index=(2,))
+    assert time.monotonic() - start < 20.0
 
 
 FAKES = {
