@@ -13,8 +13,9 @@ import binascii
 import math
 import mmap
 import re
+from bisect import bisect_right
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -30,6 +31,7 @@ WIDTHS = {f"{kind}{bits}": bits // 8 for kind in ("Int", "UInt") for bits in (8,
 APPENDED = "AppendedData"  # element
 BLANK = b" \t\r\n"
 CELLS = ("NumberOfCells", "NumberOfVerts", "NumberOfLines", "NumberOfStrips", "NumberOfPolys")
+FEW = 64  # blanks that may stand behind raw data
 SLICE = 1 << 24  # bytes of text that are counted at once
 
 Attributes = Mapping[str, str]
@@ -37,13 +39,16 @@ Attributes = Mapping[str, str]
 
 @dataclass(frozen=True)
 class _Layout:
-    """Storage of numbers in a file: its bytes, the type of sizes, and where appended data begin (-1: nowhere) and end."""
+    """Storage of numbers in a file: its bytes, the type of sizes, and where appended data begin (-1: nowhere).
+
+    `ends` are the places at which the arrays behind begin, and the last one's end, in order.
+    """
 
     data: mmap.mmap
     size: np.dtype[np.unsignedinteger]
     is_compressed: bool
     start: int
-    end: int
+    ends: tuple[int, ...]
     is_raw: bool
 
     def taken(self, place: int, end: int, is_raw: bool) -> tuple[int, int]:
@@ -63,6 +68,20 @@ class _Layout:
         length = header + stored if is_raw else _text_bytes(header) + _text_bytes(stored)
         return full * (blocks - bool(last)) + last, length
 
+    def fills(self, place: int, end: int, is_raw: bool, claim: int | None = None) -> bool:
+        """True if the array at a place ends where the next one begins, but for blanks; with `claim` bytes, unpacked."""
+        try:
+            claimed, taken = self.taken(place, end, is_raw)
+        except ValueError:
+            return False
+        if is_raw:
+            rest = end - place - taken
+            return claim in (None, claimed) and 0 <= rest <= FEW and not self.data[end - rest : end].strip(BLANK)
+        text = end - place
+        if taken != text:
+            text = len(self.data[place:end].translate(None, BLANK))
+        return claim in (None, claimed) and taken == text
+
     def _sizes(self, place: int, end: int, count: int, is_raw: bool) -> list[int]:
         """The first sizes in front of an array."""
         wanted = count * self.size.itemsize
@@ -80,14 +99,14 @@ class _Layout:
 def check_arrays(path: Path) -> None:
     """Raise ValueError where an array has not the bytes that it claims, or claims others than its data set has values."""
     with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
-        begin, is_raw = _appended(data)
+        begin, ends, is_raw = _appended(data)
         layout: _Layout | None = None
         piece: Attributes = {}
         sections: list[str] = []
         whole = covered = 0
         for closing, name, said, place in _tags(data):
             if name == "VTKFile" and not closing:
-                layout = _layout(data, said, begin, is_raw)
+                layout = _layout(data, said, begin, ends, is_raw)
             elif name == "Piece" and not closing:
                 piece = said
                 covered += _cells(said.get("Extent", ""))[1]
@@ -121,19 +140,22 @@ def _tags(data: mmap.mmap) -> Iterator[tuple[bool, str, Attributes, int]]:
         place = data.find(b"<", place + 1 if found is None else found.end())
 
 
-def _appended(data: mmap.mmap) -> tuple[int, bool]:
-    """The place of appended data, -1 without any, and true if they are raw."""
+def _appended(data: mmap.mmap) -> tuple[int, tuple[int, ...], bool]:
+    """The place of appended data, -1 without any, the places at which their arrays begin, their end, and true if they are raw."""
+    offsets: set[int] = set()
     for _, name, said, place in _tags(data):
         if name == APPENDED:
-            return data.find(b"_", place) + 1, said.get("encoding") == "raw"
-    return -1, False
+            start, end = data.find(b"_", place) + 1, data.rfind(f"</{APPENDED}".encode())
+            return start, (*sorted(start + offset for offset in offsets), end), said.get("encoding") == "raw"
+        if name == "DataArray" and said.get("format") == "appended":
+            offsets.add(int(said.get("offset", 0)))
+    return -1, (), False
 
 
-def _layout(data: mmap.mmap, said: Attributes, start: int, is_raw: bool) -> _Layout:
+def _layout(data: mmap.mmap, said: Attributes, start: int, ends: tuple[int, ...], is_raw: bool) -> _Layout:
     order = ">" if said.get("byte_order", "") == "BigEndian" else "<"
     size = np.dtype(f"{order}u{8 if said.get('header_type') == 'UInt64' else 4}")
-    end = data.rfind(f"</{APPENDED}".encode()) if start >= 0 else -1
-    return _Layout(data, size, bool(said.get("compressor")), start, end, is_raw)
+    return _Layout(data, size, bool(said.get("compressor")), start, ends, is_raw)
 
 
 def _values(said: Attributes, piece: Attributes, sections: list[str]) -> int | None:
@@ -164,9 +186,10 @@ def _check(layout: _Layout, said: Attributes, place: int, values: int | None) ->
     kind, width = said.get("format", "ascii"), WIDTHS.get(said.get("type", ""))
     needed = None if values is None or width is None else values * width
     if kind == "appended":
-        place, end, is_raw = layout.start + int(said.get("offset", 0)), layout.end, layout.is_raw
-        if layout.start <= 0 or end < 0 or place < layout.start or place > end:
+        place, is_raw = layout.start + int(said.get("offset", 0)), layout.is_raw
+        if layout.start <= 0 or layout.ends[-1] < 0 or not layout.start <= place <= layout.ends[-1]:
             raise ValueError("is appended where the file has no data: was it cut short?")
+        end = layout.ends[min(bisect_right(layout.ends, place), len(layout.ends) - 1)]
     else:
         place, end, is_raw = _stripped(layout.data, place)
         if kind == "ascii":
@@ -181,6 +204,10 @@ def _check(layout: _Layout, said: Attributes, place: int, values: int | None) ->
     check_room(claimed, "it")
     if taken > end - place:
         raise ValueError(f"takes {taken} bytes, the file has {end - place} for it: was it cut short?")
+    other = replace(layout, size=np.dtype(f"{layout.size.byteorder}u{12 - layout.size.itemsize}"))
+    if not layout.fills(place, end, is_raw) and other.fills(place, end, is_raw, needed):
+        bits = 8 * other.size.itemsize
+        raise ValueError(f"has its size in {bits} bits, and header_type says otherwise: set it to UInt{bits}")
 
 
 def _stripped(data: mmap.mmap, place: int) -> tuple[int, int, bool]:

@@ -26,8 +26,12 @@ INDEXES = re.compile(r"\.pvt[irsupt]|\.vtmb?|\.vthb?|\.vtp[cd]")
 PART = re.compile(rb"<(?:\w*Piece|DataSet)\b[^>]*?\b(?:Source|file)\s*=\s*[\"']([^\"']+)[\"']")
 
 
-def check_whole(path: Path, depth: int = 0) -> None:
-    """Raise ValueError where a file, or one that it names, is cut short, absent, or takes more memory than there is."""
+def check_whole(path: Path, above: tuple[Path, ...] = ()) -> None:
+    """Raise ValueError where a file, or one that it names, is cut short, absent, or takes more memory than there is.
+
+    `above` are the files that led to it, none of which it may name.
+    """
+    above = (*above, path.resolve())
     check_room(path.stat().st_size, "it")
     suffix = path.suffix.lower()
     with path.open("rb") as file:
@@ -44,11 +48,15 @@ def check_whole(path: Path, depth: int = 0) -> None:
         _check_ensight(path, head.decode("latin-1"))
     elif is_classic(path):  # Exodus
         read_header(path)
-    for part in parts(path) if depth < DEEPEST else ():
+    for part in parts(path):
         if not part.is_file():
             raise ValueError(f"there is no file {part.name}, which it names")
+        if part.resolve() in above:
+            raise ValueError(f"it names {part.name}, of which it is a part itself")
+        if len(above) >= DEEPEST:
+            raise ValueError(f"it names {part.name}, which is more than {DEEPEST} files deep")
         try:
-            check_whole(part, depth + 1)
+            check_whole(part, above)
         except ValueError as error:
             raise ValueError(f"{part.name}: {error}") from None
 

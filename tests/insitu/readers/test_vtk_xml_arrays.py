@@ -19,10 +19,22 @@ MODES = ("raw", "base64", "inline", "ascii")
 SIZES = ("UInt32", "UInt64")
 
 
-def write(path: Path, kind: str, compressor: str, mode: str, size: str, order: int = 1, pieces: int = 1) -> bytes:
-    """Writes a small grid in blocks of 512 bytes; returns the file."""
+def write(
+    path: Path,
+    kind: str,
+    compressor: str,
+    mode: str,
+    size: str,
+    order: int = 1,
+    pieces: int = 1,
+    *,
+    value: float | None = None,
+) -> bytes:
+    """Writes a small grid in blocks of 512 bytes, its field `value` everywhere if that is given; returns the file."""
     writer: Any = GRIDS[kind][1]()
     made = GRIDS[kind][0]()
+    if value is not None:
+        made["t"] = np.full(made.n_points, value, dtype="f4")
     made["v"] = np.arange(3.0 * made.n_points).reshape(-1, 3)
     made.cell_data["c"] = np.arange(made.n_cells, dtype="i2")
     made.field_data["time"] = [1.5]
@@ -121,6 +133,22 @@ def test_sizes_of_blocks_that_lie_end_no_process(tmp_path: Path, compressor: str
             lie[start + place] ^= bit
             path.write_bytes(bytes(lie))
             _same_or_refused(path)
+
+
+@pytest.mark.parametrize("value", [0.0, 1.5])
+@pytest.mark.parametrize(("kind", "mode"), list(itertools.product(GRIDS, ("raw", "base64", "inline"))))
+def test_another_type_of_sizes_is_refused(tmp_path: Path, kind: str, mode: str, value: float) -> None:
+    """Of a constant field, too, whose zeros look like the other half of a size."""
+    path = tmp_path / f"a.vt{kind}"
+    for compressor, size, order in itertools.product(COMPRESSORS, SIZES, (0, 1)):
+        data = write(path, kind, compressor, mode, size, order, value=value)
+        check_arrays(path)
+        said, other = (f'header_type="{name}"'.encode() for name in (size, *(set(SIZES) - {size})))
+        for lie in {data.replace(said, other), data.replace(said, b"") if size == "UInt64" else data} - {data}:
+            path.write_bytes(lie)
+            with pytest.raises(ValueError, match="array '"):
+                check_arrays(path)
+    assert said in data
 
 
 def _same_or_refused(path: Path) -> None:

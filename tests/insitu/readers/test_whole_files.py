@@ -180,3 +180,26 @@ def test_messages_of_vtk_go_where_they_went_before(tmp_path: Path) -> None:
         read_data(path)
     assert vtk.vtkOutputWindow.GetInstance() is window
     assert vtk.vtkObject.GetGlobalWarningDisplay() == shown
+
+
+@pytest.mark.parametrize(
+    ("named", "message"),
+    [
+        ({"a": ("b.vti", "a.vtm")}, r"a\.vtm: it names a\.vtm, of which it is a part itself"),
+        ({"a": ("./a.vtm",)}, r"a\.vtm: it names a\.vtm, of which"),
+        ({"a": ("b.vtm", "b.vti"), "b": ("c.vtm",), "c": ("a.vtm",)}, r"b\.vtm: c\.vtm: it names a\.vtm, of which"),
+        ({f"{chr(97 + i)}": (f"{chr(98 + i)}.vtm",) for i in range(12)}, "i.vtm, which is more than 8 files deep"),
+    ],
+    ids=["itself", "itself by another path", "a circle of three", "too deep"],
+)
+def test_files_that_contain_themselves_are_refused(
+    tmp_path: Path, named: dict[str, tuple[str, ...]], message: str
+) -> None:
+    xml(tmp_path / "b.vti", "i", "ascii")
+    for name, files in named.items():
+        inner = "".join(f'<DataSet index="{number}" file="{file}"/>' for number, file in enumerate(files))
+        text = f"<vtkMultiBlockDataSet>{inner}</vtkMultiBlockDataSet>"
+        (tmp_path / f"{name}.vtm").write_text(f'<VTKFile type="vtkMultiBlockDataSet" version="1.0">{text}</VTKFile>')
+    (tmp_path / "m.vtm").touch()
+    with pytest.raises(ValueError, match=message):
+        read_data(tmp_path / "a.vtm")
