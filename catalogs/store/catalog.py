@@ -6,6 +6,7 @@
                          rows.csv        its rows of the table
                          cameras.json    its own cameras, where cameras are not shared
                          field.npz       summaries of its fields
+                         coarse.npz      its fields with at most 64³ samples
                          <appearance>/<view>.png
 
 A member is written in a hidden folder and renamed into place when all of it is on disk, so it is never incomplete.
@@ -28,10 +29,20 @@ from numpy.typing import NDArray
 
 from catalogs.files import durable
 from catalogs.files.images import write_image
+from catalogs.store.coarse import CoarseField, save_coarse_fields
 from catalogs.store.description import DESCRIPTION, LOCK, check_place, read_description, write_empty
 from catalogs.store.digests import Digests
 from catalogs.store.journal import key_of
-from catalogs.store.members import RECORD, SUMMARY, Member, known_appearances, read_record, write_record
+from catalogs.store.members import (
+    COARSE,
+    RECORD,
+    SUMMARY,
+    Member,
+    known_appearances,
+    read_record,
+    stored_names,
+    write_record,
+)
 from catalogs.store.missing import MissingMember, missing_members
 from catalogs.store.notebook.html import catalog_html
 from catalogs.store.pictures import read_picture
@@ -86,9 +97,11 @@ class MemberWriter:
 
     def write_summaries(self, summaries: Mapping[str, FieldSummary]) -> None:
         """Store summaries of the member's fields, by name ("" for a single field), beside the images."""
-        single = len(self._catalog.plan.fields) == 1 == len(summaries)
-        by_name = {"": next(iter(summaries.values()))} if single else summaries
-        self._files[SUMMARY] = save_summaries(self.path / SUMMARY, by_name)
+        self._files[SUMMARY] = save_summaries(self.path / SUMMARY, stored_names(summaries, self._catalog.plan))
+
+    def write_coarse_fields(self, coarse: Mapping[str, CoarseField]) -> None:
+        """Store the member's coarse fields, by name ("" for a single field), beside the images."""
+        self._files[COARSE] = save_coarse_fields(self.path / COARSE, stored_names(coarse, self._catalog.plan))
 
     def add_provenance(self, **values: Any) -> None:
         """Add JSON values to the member's provenance."""

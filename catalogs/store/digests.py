@@ -16,7 +16,7 @@ class Digests:
     Attributes
     ----------
     images : those of an appearance's image files by its name, view after view, joined; in a packed catalog of the unpacked files.
-    files : those of `field.npz`, `cameras.json` and `pictures.h5`, as far as there are such files, by their names.
+    files : those of `field.npz`, `coarse.npz`, `cameras.json` and `pictures.h5`, as far as there are such files, by their names.
     plan : `CatalogPlan.digest` of the catalog that the member was written into.
     """
 

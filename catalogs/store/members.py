@@ -9,12 +9,13 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
 from catalogs.files import cinema, durable
 from catalogs.files.digests import digest_of, is_sealed, sealed
+from catalogs.store.coarse import CoarseField, load_coarse_fields
 from catalogs.store.digests import Digests
 from catalogs.store.plan import (
     ACCEPT,
@@ -38,7 +39,10 @@ RECORD = "member.json"
 ROWS = "rows.csv"
 CAMERAS = "cameras.json"
 SUMMARY = "field.npz"
+COARSE = "coarse.npz"
+FIELD_FILES = SUMMARY, COARSE
 NO_DIGESTS = Digests()
+T = TypeVar("T")
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,19 +89,35 @@ class Member:
 
         A member of a single field gives its summary for any name, since that field's own is not stored.
         """
-        summaries = self.summaries()
-        if field in summaries or not summaries:
-            return summaries.get(field)
-        return next(iter(summaries.values())) if not field or "" in summaries else None
+        return _of_field(self.summaries(), field)
 
     def summaries(self) -> dict[str, FieldSummary]:
         """The summary of each field by name, "" for a single one; empty for imported images."""
         path = self.path / SUMMARY
         return load_summaries(path) if path.exists() else {}
 
+    def coarse_field(self, field: str = "") -> CoarseField | None:
+        """A field with at most 64³ samples, by default the first; None where none is stored.  Names as in `summary`."""
+        return _of_field(self.coarse_fields(), field)
+
+    def coarse_fields(self) -> dict[str, CoarseField]:
+        """Each field with at most 64³ samples by name, "" for a single one; empty where none is stored.
+
+        Raises ValueError naming a damaged file.
+        """
+        path = self.path / COARSE
+        return load_coarse_fields(path) if path.exists() else {}
+
     def row_split(self, view: int, setting: VariationSetting | None = None) -> str:
         """The split of one image: test if its member, its view or its setting is for testing, else validation, else train."""
         return max(self.split, self.view_splits[view], setting.split if setting else "train", key=SPLITS.index)
+
+
+def _of_field(stored: Mapping[str, T], field: str) -> T | None:
+    """Of what is stored by name that of a field; where it is of a single one, of any name."""
+    if field in stored or not stored:
+        return stored.get(field)
+    return next(iter(stored.values())) if not field or "" in stored else None
 
 
 def known_appearances(names: Sequence[str] | None, available: Sequence[str]) -> tuple[str, ...]:
@@ -112,6 +132,11 @@ def known_appearances(names: Sequence[str] | None, available: Sequence[str]) -> 
             f"got {shortened(unknown, 8) or 'none'}"
         )
     return tuple(name for name in available if name in wanted)
+
+
+def stored_names(fields: Mapping[str, T], plan: CatalogPlan) -> Mapping[str, T]:
+    """A member's fields under the names in its files: the field of a catalog that shows only one has none."""
+    return {"": next(iter(fields.values()))} if len(plan.fields) == 1 == len(fields) else fields
 
 
 def rows_of(member: Member, plan: CatalogPlan) -> Iterator[list[cinema.Cell]]:

@@ -31,7 +31,14 @@ from catalogs.vocabulary.words import joined_names, shortened
 
 NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.+=-]{0,99}")
 PACKED = "packed"  # layout with one file of images per member
-RESERVED_NAMES = ("member.json", "rows.csv", "cameras.json", "field.npz", PACK)  # in a member's folder, beside images
+RESERVED_NAMES = (
+    "member.json",
+    "rows.csv",
+    "cameras.json",
+    "field.npz",
+    "coarse.npz",
+    PACK,
+)  # in a member's folder, beside images
 CHANGED = "it is not as it was written (its digest differs)"
 ACCEPT = "if you changed it on purpose, `catalogs check --accept` takes it as it is"
 VIEW_COLUMNS = ("member", "view", "phi", "theta", "split", "member_split", "view_split")

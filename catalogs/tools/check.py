@@ -25,11 +25,11 @@ from catalogs.store.table import MEMBERS, TABLE, derived_rows, member_names, par
 from catalogs.tools.damage import (
     FOREIGN,
     ExpectedImage,
+    fields_problem,
     file_problem,
     images_of,
     is_foreign,
     rows_problem,
-    summary_problem,
 )
 from catalogs.vocabulary.words import named_values
 
@@ -288,7 +288,7 @@ class _Check:
                 values = parameters_in(folder / ROWS, catalog.plan).get(name)
                 self._add(place, f"{error}; {ROWS} has {named_values(values)}" if values else str(error), name)
             return None
-        if problem := summary_problem(member, catalog.plan, digests):
+        if problem := fields_problem(member, catalog.plan, digests):
             self._add(place, problem, name)
         self.without_digests += not (PACK in digests.files if catalog.plan.packed else digests.images)
         foreign = is_foreign(digests, catalog.plan)

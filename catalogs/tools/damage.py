@@ -13,7 +13,7 @@ from catalogs.files.packed import PACK, PackError, open_pack, pack_problem
 from catalogs.files.png import PngError, check_png
 from catalogs.store.catalog import Catalog, CatalogError, Member
 from catalogs.store.digests import Digests
-from catalogs.store.members import RECORD, ROWS, SUMMARY, read_member
+from catalogs.store.members import COARSE, RECORD, ROWS, SUMMARY, read_member
 from catalogs.store.plan import CatalogPlan
 from catalogs.store.table import MEMBERS, derived_rows
 from catalogs.vocabulary.appearance import shown_fields
@@ -73,26 +73,32 @@ def is_foreign(digests: Digests, plan: CatalogPlan) -> bool:
     return bool(digests.plan) and digests.plan != plan.digest
 
 
-def summary_problem(member: Member, plan: CatalogPlan, digests: Digests) -> str | None:
-    """The problem of a member's summary file, or None.
+def fields_problem(member: Member, plan: CatalogPlan, digests: Digests) -> str | None:
+    """The problem of a member's summaries or coarse fields, or None.
 
-    It is missing, damaged, another than was written, or has other fields than the member's appearances.
+    A file is missing, damaged, another than was written, or has other fields than the member's appearances.
     """
-    path, digest = member.path / SUMMARY, digests.files.get(SUMMARY, "")
+    return _field_file_problem(member, plan, digests, SUMMARY) or _field_file_problem(member, plan, digests, COARSE)
+
+
+def _field_file_problem(member: Member, plan: CatalogPlan, digests: Digests, name: str) -> str | None:
+    path, digest = member.path / name, digests.files.get(name, "")
     if digest and not path.exists():
-        return f"{SUMMARY} is missing"
+        return f"{name} is missing"
     if digest and len(plan.fields) < 2 and not durable.special(path) and digest_of_file(path) == digest:
         return None
     try:
-        summaries = member.summaries()
+        stored = member.summaries() if name == SUMMARY else member.coarse_fields()
     except ValueError as error:
         return str(error)
     shown = shown_fields(a for a in plan.appearances if a.name in set(member.appearances))
-    if summaries and len(plan.fields) > 1 and set(summaries) != set(shown):
-        return f"{SUMMARY} is of the fields {list(summaries)}, the images of {list(shown)}"
-    if (digest and digest_of_file(path) != digest) or (not digest and digests.images and summaries):
-        return f"{SUMMARY} {OTHER}"
-    return None
+    fits = (
+        set(stored) == set(shown) if name == SUMMARY else set(stored) <= set(shown)
+    )  # none of a field that is all holes
+    if stored and len(plan.fields) > 1 and not fits:
+        return f"{name} is of the fields {list(stored)}, the images of {list(shown)}"
+    unrecorded = not digest and digests.images and name == SUMMARY and stored
+    return f"{name} {OTHER}" if unrecorded or (digest and digest_of_file(path) != digest) else None
 
 
 def rows_problem(member: Member, plan: CatalogPlan) -> str | None:
@@ -129,7 +135,7 @@ def lasting_problems(catalog: Catalog, folder: Path) -> Iterator[str]:
         return
     if is_foreign(digests, catalog.plan):
         yield f"{RECORD} {FOREIGN}"
-    if problem := summary_problem(member, catalog.plan, digests):
+    if problem := fields_problem(member, catalog.plan, digests):
         yield problem
     for name, image in images_of(catalog, member, digests):
         if problem := file_problem(catalog.path, name, image):

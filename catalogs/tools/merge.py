@@ -24,7 +24,7 @@ from catalogs.store.journal import key_of
 from catalogs.store.members import read_record
 from catalogs.store.missing import missing_members, report_missing
 from catalogs.store.pictures import pack_of, stored_picture
-from catalogs.tools.transfer import add_members, image_files, link_images, summary_files
+from catalogs.tools.transfer import add_members, field_files, image_files, link_images
 from catalogs.vocabulary.cameras import Camera
 from catalogs.vocabulary.words import shortened
 
@@ -198,7 +198,7 @@ def _refuse_incomplete(catalog: Catalog, member: Member) -> None:
     """Raise CatalogError for a missing image, and for links, which could lead out of the catalog."""
     images = image_files(catalog, member)
     folders = dict.fromkeys([member.path, *(path.parent for path in images)])
-    for path in [*folders, *images, *summary_files(member)]:
+    for path in [*folders, *images, *field_files(member)]:
         has_kind = stat.S_ISDIR if path in folders else stat.S_ISREG
         if not path.exists() or not has_kind(path.lstat().st_mode):
             problem = "is a link or not a file" if path.exists() else "is missing"

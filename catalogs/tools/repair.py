@@ -2,7 +2,7 @@
 
     x.cdb/damaged/<name>     a member that was set aside; <name>.2 and so on if there are several
 
-Nothing is deleted.  A member is set aside if its record, its images or its summary are damaged.
+Nothing is deleted.  A member is set aside if its record, its images or the files of its fields are damaged.
 """
 
 from __future__ import annotations
@@ -20,10 +20,10 @@ from catalogs.store.description import DESCRIPTION, LOCK, accept_description
 from catalogs.store.digests import Digests
 from catalogs.store.members import (
     CAMERAS,
+    FIELD_FILES,
     NO_DIGESTS,
     RECORD,
     ROWS,
-    SUMMARY,
     own_name,
     read_member,
     record_of,
@@ -32,7 +32,7 @@ from catalogs.store.members import (
 from catalogs.store.missing import report_missing
 from catalogs.store.table import MEMBERS, TABLE, member_paths, parameters_in
 from catalogs.tools.check import Finding, Progress, check
-from catalogs.tools.damage import file_problem, images_of, lasting_problems, summary_problem
+from catalogs.tools.damage import fields_problem, file_problem, images_of, lasting_problems
 from catalogs.vocabulary.words import named_values, shortened
 
 DAMAGED = "damaged"
@@ -124,13 +124,13 @@ def accept(path: Path, *, progress: Progress = lambda done, total: None) -> tupl
 def _accept_member(catalog: Catalog, folder: Path) -> None:
     """Replace the member's record by one with the digests of its present files, unless one of them is damaged."""
     member, old = read_member(folder, catalog.plan, verify=False)
-    if summary_problem(member, catalog.plan, NO_DIGESTS):
+    if fields_problem(member, catalog.plan, NO_DIGESTS):
         return
     if any(file_problem(catalog.path, *image) for image in images_of(catalog, member, NO_DIGESTS)):
         return
     names = [name for name, _ in images_of(catalog, member, NO_DIGESTS)]
     digests = [digest_of_file(catalog.path / name) for name in names]
-    files = {name: digest_of_file(folder / name) for name in (SUMMARY, CAMERAS) if (folder / name).exists()}
+    files = {name: digest_of_file(folder / name) for name in (*FIELD_FILES, CAMERAS) if (folder / name).exists()}
     if catalog.plan.packed:
         new = replace(old, files={**files, names[0].rpartition("/")[2]: digests[0]})
     else:

@@ -10,7 +10,7 @@ from pathlib import Path
 from catalogs.files import durable
 from catalogs.store.catalog import Catalog, Member
 from catalogs.store.digests import Digests
-from catalogs.store.members import SUMMARY, read_member, write_record
+from catalogs.store.members import FIELD_FILES, read_member, write_record
 from catalogs.store.table import MEMBERS
 
 AT_ONCE = 256  # members per commit
@@ -25,7 +25,7 @@ def add_members(
     """Add members, given by their catalogs and names, to a catalog of the same views and appearances.
 
     `fill` writes a member's images into its hidden folder, counts some of them, and makes the new digests of the stored ones; the
-    sum of counts is returned.  Summary and record are copied here, and the table is sorted at the end.
+    sum of counts is returned.  Summaries, coarse fields and record are copied here, and the table is sorted at the end.
     """
     counted = 0
     for first in range(0, len(members), AT_ONCE):
@@ -37,7 +37,7 @@ def add_members(
                 written.append(new)
                 count, digests = fill(source, member, new.path, digests)
                 counted += count
-                for path in summary_files(member):
+                for path in field_files(member):
                     _place(path, new.path / path.name)
                 write_record(new, target.plan, digests)
                 durable.sync_tree(new.path)
@@ -50,10 +50,9 @@ def add_members(
     return counted
 
 
-def summary_files(member: Member) -> list[Path]:
-    """The member's file of summaries, if it has one."""
-    path = member.path / SUMMARY
-    return [path] if path.is_file() else []
+def field_files(member: Member) -> list[Path]:
+    """The member's files of summaries and coarse fields, as far as it has them."""
+    return [path for path in (member.path / name for name in FIELD_FILES) if path.is_file()]
 
 
 def image_files(catalog: Catalog, member: Member) -> list[Path]:

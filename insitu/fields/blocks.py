@@ -12,6 +12,7 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from catalogs.store.coarse import CoarseField
 from catalogs.store.plan import CatalogPlan
 from catalogs.store.summary import FieldSummary
 from catalogs.vocabulary.appearance import (
@@ -25,6 +26,7 @@ from catalogs.vocabulary.appearance import (
 from catalogs.vocabulary.cameras import Camera
 from catalogs.vocabulary.quantity import Quantity
 from insitu.fields.boxes import Box, checked_box
+from insitu.fields.coarse import coarse_fields
 from insitu.fields.member_fields import LocalField
 from insitu.fields.share import Share, share_of
 from insitu.fields.summarize import FieldPart, summarize_shown
@@ -69,6 +71,7 @@ class Blocks:
             "draw": self._draw,
             "change": self._change,
             "summarize": self._summarize,
+            "coarsen": self._coarsen,
         }
 
     @property
@@ -234,6 +237,9 @@ class Blocks:
     def _summarize(self, names: Sequence[str], plan: CatalogPlan) -> dict[str, FieldSummary]:
         return summarize_shown(self._parts(names), plan, self.ranks)
 
+    def _coarsen(self, names: Sequence[str]) -> dict[str, CoarseField]:
+        return coarse_fields(self._parts(names), self.ranks)
+
 
 @dataclass(frozen=True, eq=False)
 class BlockFields:
@@ -253,6 +259,11 @@ class BlockFields:
         """See `MemberFields`."""
         summaries: dict[str, FieldSummary] = self.blocks.call_all("summarize", tuple(names), plan)
         return summaries
+
+    def coarse(self, names: Sequence[str]) -> dict[str, CoarseField]:
+        """See `MemberFields`."""
+        found: dict[str, CoarseField] = self.blocks.call_all("coarsen", tuple(names))
+        return found
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
+from catalogs.store.coarse import CoarseField
 from catalogs.store.plan import CatalogPlan
 from catalogs.store.summary import FieldSummary
 from catalogs.vocabulary.appearance import Appearance, check_fields, field_of, shown_fields
@@ -15,6 +16,7 @@ from catalogs.vocabulary.numbers import finite
 from catalogs.vocabulary.quantity import Quantity
 from catalogs.vocabulary.words import joined_names
 from insitu.fields.boxes import Box, box_of, same_box
+from insitu.fields.coarse import coarse_fields
 from insitu.fields.location import FieldLocation
 from insitu.fields.summarize import FieldPart, summarize_shown
 from render.datasets import to_grid
@@ -50,6 +52,9 @@ class MemberFields(Protocol):
 
     def summaries(self, names: Sequence[str], plan: CatalogPlan) -> dict[str, FieldSummary]:
         """The summaries of the fields of these names, which the catalog stores."""
+
+    def coarse(self, names: Sequence[str]) -> dict[str, CoarseField]:
+        """The coarse fields of these names, but those that would be all holes."""
 
 
 class MemberInput(Protocol):
@@ -100,6 +105,10 @@ class Fields:
     def summaries(self, names: Sequence[str], plan: CatalogPlan) -> dict[str, FieldSummary]:
         """See `MemberFields`."""
         return summarize_shown({name: FieldPart.all_of(self.grids[name]) for name in names}, plan)
+
+    def coarse(self, names: Sequence[str]) -> dict[str, CoarseField]:
+        """See `MemberFields`."""
+        return coarse_fields({name: FieldPart.all_of(self.grids[name]) for name in names})
 
 
 @dataclass(frozen=True, eq=False)

@@ -188,7 +188,7 @@ def _statistics(
     """Smallest and largest value of all parts, how many there are, and how many in each bin (256,)."""
     histogram = np.zeros(BINS, dtype=np.int64)
     count, low, high = 0, np.inf, -np.inf
-    for start, stop in _slabs(part.shape):
+    for start, stop in slabs(part.shape):
         window = part.window(start, stop)
         slab = part.values[window] if part.holes is None else part.values[window][~part.holes[window]]
         histogram += np.histogram(slab, bins=edges)[0]
@@ -288,7 +288,7 @@ def _edge_crossings(
     part: FieldPart, isovalue: float, count: int, rng: np.random.Generator, ranks: RankGroup
 ) -> NDArray[np.float64]:
     """Fractional indices (M, 3) of points where the isosurface cuts grid edges, edges drawn evenly."""
-    own = [sum(int(_cut(part, isovalue, *s, axis).sum()) for s in _slabs(part.shape)) for axis in range(3)]
+    own = [sum(int(_cut(part, isovalue, *s, axis).sum()) for s in slabs(part.shape)) for axis in range(3)]
     cuts = np.sum(ranks.gather(own), axis=0)
     if not cuts.any():
         return np.empty((0, 3))
@@ -324,8 +324,8 @@ def _draw(
     part: FieldPart, weights: SlabWeights, count: int, rng: np.random.Generator, ranks: RankGroup
 ) -> NDArray[np.int64]:
     """Samples (count, 3) of the whole, drawn with replacement in proportion to `weights(start, stop)` of each owned slab."""
-    slabs = list(_slabs(part.shape))
-    totals = ranks.gather(np.array([weights(*slab).sum() for slab in slabs]))  # of each rank [S]
+    own = list(slabs(part.shape))
+    totals = ranks.gather(np.array([weights(*slab).sum() for slab in own]))  # of each rank [S]
     every = np.concatenate(totals)
     if not every.sum() > 0:
         return np.empty((0, 3), dtype=np.int64)
@@ -336,7 +336,7 @@ def _draw(
             number = next(numbers)
             uniform = rng.random(number)  # by every rank, so that all go on with the same numbers
             if number and rank == ranks.number:
-                samples.append(_picked(part, *slabs[slab], weights, uniform))
+                samples.append(_picked(part, *own[slab], weights, uniform))
     return np.concatenate(ranks.gather(np.concatenate(samples)))
 
 
@@ -382,7 +382,7 @@ def _interpolate(values: NDArray[Any], index: NDArray[np.float64]) -> NDArray[np
     return np.where(np.isfinite(result), result, nearest)
 
 
-def _slabs(shape: tuple[int, ...]) -> Iterator[tuple[int, int]]:
+def slabs(shape: tuple[int, ...]) -> Iterator[tuple[int, int]]:
     """Ranges of z-slices of about SLAB_VOXELS voxels each."""
     step = max(1, SLAB_VOXELS // max(1, shape[1] * shape[2]))
     for start in range(0, shape[0], step):

@@ -47,6 +47,7 @@ class HookArguments(OneMember, total=False):
     provenance: Mapping[str, Any] | None
     variations: Iterable[Variation] | None
     fields: Mapping[str, Any] | None
+    coarse_field: bool
     nan: str
     existing: Existing
     on_error: OnError
@@ -84,6 +85,8 @@ def render_member(
     dims : an array's axes in its own order: ("x", "y", "z") for values [x, y, z]; by default (z, y, x), or as xarray's are called.
     name, split : the member's name in the catalog, by default from its parameters; "train", "validation" or "test".
     nan : "refuse" NaN and infinity, or show them "transparent".
+    coarse_field : False keeps no coarse fields: those that appearances show with at most 64³ samples, in at most 0.3 MB each, from
+        which surrogates are made in seconds.
     target_decibels, sample_distance : PSNR that volume rendering must reach against a converged reference, by default 50 dB.
         Or in its place the step of rays in world units, one for all or by appearance.
     time : the simulation's time, recorded.  Where `space` has a parameter "time" (or "t"), it is that: every dump is a member.

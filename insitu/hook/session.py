@@ -84,6 +84,7 @@ class Session:
         provenance: Mapping[str, Any] | None = None,
         variations: Iterable[Variation] | None = None,
         fields: Mapping[str, Any] | None = None,
+        coarse_field: bool = True,
         nan: str = "refuse",
         existing: Existing = "error",
         on_error: OnError = "raise",
@@ -111,6 +112,7 @@ class Session:
                 provenance={} if provenance is None else provenance,
                 variations=variations_from(variations),
                 fields=fields or {},
+                coarse_field=coarse_field,
             )
             return checked_path(catalog), length, plan
 

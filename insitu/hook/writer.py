@@ -99,6 +99,8 @@ class CatalogWriter:
                 figures, of_images = write_member(
                     fields, request, distances, catalog.plan, writer, memory, self._progress
                 )
+                if self.options.coarse_field and (coarse_fields := fields.coarse(shown_fields(request.shown))):
+                    writer.write_coarse_fields(coarse_fields)
                 warnings = (*warnings, *map(str, of_images))
                 if warnings:
                     writer.add_provenance(warnings=warnings)

@@ -69,6 +69,7 @@ class PlanOptions:
     provenance: Mapping[str, Any] = field(default_factory=dict)
     variations: tuple[Variation, ...] | None = field(default=None, repr=False)
     fields: Mapping[str, Quantity] = field(default_factory=dict)
+    coarse_field: bool = True
 
     @classmethod
     def of_scene(cls, scene: Scene, space: ParameterSpace, provenance: Mapping[str, Any] | None = None) -> PlanOptions:
