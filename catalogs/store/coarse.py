@@ -126,15 +126,18 @@ def encoded(values: NDArray[np.floating], bits: int) -> tuple[NDArray[np.uint16]
 
     Raises ValueError where no value is finite, or one is infinite.
     """
-    known = ~np.isnan(values)
-    if not known.any() or np.isinf(values).any():
+    finite = ~np.isnan(values)
+    if not finite.any() or np.isinf(values).any():
         raise ValueError("a coarse field needs finite values, and NaN in holes")
-    low, high = float(np.min(values, where=known, initial=np.inf)), float(np.max(values, where=known, initial=-np.inf))
+    low, high = (
+        float(np.min(values, where=finite, initial=np.inf)),
+        float(np.max(values, where=finite, initial=-np.inf)),
+    )
     scale = _scale(low, high)
     span = high * scale - low * scale
-    share = (np.where(known, values, low).astype(np.float64) * scale - low * scale) / (span or 1.0)
+    share = (np.where(finite, values, low).astype(np.float64) * scale - low * scale) / (span or 1.0)
     codes = np.rint(share * (2**bits - 2)).astype(np.uint16) + np.uint16(1)
-    codes[~known] = 0
+    codes[~finite] = 0
     return codes, (low, high)
 
 

@@ -26,8 +26,8 @@ Shape = tuple[int, int, int]
 
 def coarse_fields(parts: Mapping[str, FieldPart], ranks: RankGroup = SINGLE) -> dict[str, CoarseField]:
     """The coarse field of each of a member's fields, by name, on rank 0; those that would be all holes are left out."""
-    found = {name: coarsened(part, ranks) for name, part in parts.items()}
-    return {name: field for name, field in found.items() if field is not None}
+    fields = {name: coarsened(part, ranks) for name, part in parts.items()}
+    return {name: field for name, field in fields.items() if field is not None}
 
 
 def coarse_shape(shape: Shape, spacing: tuple[float, float, float]) -> Shape:
@@ -38,13 +38,13 @@ def coarse_shape(shape: Shape, spacing: tuple[float, float, float]) -> Shape:
     """
     if prod(shape) <= MOST_SAMPLES:
         return shape
-    samples, kept = np.array(shape), np.minimum(shape, AXIS)  # [3] each
+    samples, most = np.array(shape), np.minimum(shape, AXIS)  # [3] each
     free = samples > AXIS
     lengths = (samples - 1) * np.array(spacing[::-1])
 
     def counts(cell: float) -> NDArray[np.int64]:
         across = np.floor(np.minimum(lengths / cell, samples - 1) + ROUNDING).astype(np.int64) + 1
-        return np.where(free, np.clip(across, 2, samples), kept)
+        return np.where(free, np.clip(across, 2, samples), most)
 
     low, high = 0.0, float(lengths.max())  # cells that are too small, and large enough
     while high - low > ROUNDING * high:
@@ -63,8 +63,8 @@ def coarsened(part: FieldPart, ranks: RankGroup = SINGLE) -> CoarseField | None:
     shape = coarse_shape(whole.shape, whole.spacing)
     weights = [axis_weights(n, m) for n, m in zip(whole.shape, shape, strict=True)]
     has_holes = any(ranks.gather(part.holes is not None))
-    sums = _gathered(_weighed(part, weights, shape, known=False), shape, ranks)
-    shares = _gathered(_weighed(part, weights, shape, known=True), shape, ranks) if has_holes else None
+    sums = _gathered(_weighed(part, weights, shape, ones=False), shape, ranks)
+    shares = _gathered(_weighed(part, weights, shape, ones=True), shape, ranks) if has_holes else None
     if sums is None:
         return None
     values = sums
@@ -107,9 +107,9 @@ def _hat_integral(at: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _weighed(
-    part: FieldPart, weights: list[sparse.csc_array], shape: Shape, *, known: bool
+    part: FieldPart, weights: list[sparse.csc_array], shape: Shape, *, ones: bool
 ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """The weighed sums of a part's known samples, or with `known` of ones in their place, and the first coarse sample (3,) of them.
+    """The weighed sums of a part's known samples, or with `ones` of ones in their place, and the first coarse sample (3,) of them.
 
     Works through the part in slabs, so that its extra memory does not grow with the field.
     """
@@ -123,7 +123,7 @@ def _weighed(
     for start, stop in slabs(part.shape):
         window = part.window(start, stop)
         holes = None if part.holes is None else part.holes[window]
-        slab = np.ones((stop - start, *part.shape[1:])) if known else part.values[window].astype(np.float64)
+        slab = np.ones((stop - start, *part.shape[1:])) if ones else part.values[window].astype(np.float64)
         if holes is not None:
             slab[holes] = 0.0
         count, _, across = slab.shape

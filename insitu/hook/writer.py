@@ -99,7 +99,7 @@ class CatalogWriter:
                 figures, of_images = write_member(
                     fields, request, distances, catalog.plan, writer, memory, self._progress
                 )
-                if self.options.coarse_field and (coarse_fields := fields.coarse(shown_fields(request.shown))):
+                if self.options.coarse_field and (coarse_fields := fields.coarse(shown_fields(request.appearances))):
                     writer.write_coarse_fields(coarse_fields)
                 warnings = (*warnings, *map(str, of_images))
                 if warnings:

@@ -55,11 +55,11 @@ def test_values_come_back_within_half_a_step(tmp_path: Path, name: str) -> None:
     path = tmp_path / "coarse.npz"
     save_coarse_fields(path, {"": coarse(values)})
     again = load_coarse_fields(path)[""]
-    known = ~np.isnan(values)
-    assert np.array_equal(np.isnan(again.values), ~known)
-    wide, stored = values[known].astype(np.longdouble), again.values[known].astype(np.longdouble)
+    finite = ~np.isnan(values)
+    assert np.array_equal(np.isnan(again.values), ~finite)
+    wide, stored = values[finite].astype(np.longdouble), again.values[finite].astype(np.longdouble)
     step = (wide.max() - wide.min()) / (2**again.bits - 2)
-    rounding = np.spacing(np.abs(again.values[known])).astype(np.longdouble)  # of the type that they are in
+    rounding = np.spacing(np.abs(again.values[finite])).astype(np.longdouble)  # of the type that they are in
     assert (np.abs(stored - wide) <= 0.5 * step + rounding).all()
     assert path.stat().st_size <= 300_000
     assert (again.spacing, again.origin, again.whole) == ((0.1, 0.2, 0.3), (1.0, 2.0, 3.0), True)
@@ -129,9 +129,9 @@ def test_values_that_have_no_range_are_refused(value: float) -> None:
 
 def changed(data: bytes, **arrays: Any) -> bytes:
     with np.load(io.BytesIO(data)) as archive:
-        kept = {name: archive[name] for name in archive.files}
+        before = {name: archive[name] for name in archive.files}
     stream = io.BytesIO()
-    np.savez(stream, allow_pickle=True, **{name: a for name, a in {**kept, **arrays}.items() if a is not None})
+    np.savez(stream, allow_pickle=True, **{name: a for name, a in {**before, **arrays}.items() if a is not None})
     return stream.getvalue()
 
 

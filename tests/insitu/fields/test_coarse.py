@@ -36,10 +36,10 @@ SHAPES: dict[str, tuple[Shape, tuple[float, float, float], Shape]] = {  # z, y, 
 @pytest.mark.parametrize("name", SHAPES)
 def test_lattices_are_fine_and_nearly_cubic(name: str) -> None:
     shape, spacing, expected = SHAPES[name]
-    found = coarse_shape(shape, spacing)
-    assert prod(found) <= MOST_SAMPLES
-    assert all(2 <= m <= n for m, n in zip(found, shape, strict=True))
-    assert np.allclose(found, expected, rtol=0.03)
+    field = coarse_shape(shape, spacing)
+    assert prod(field) <= MOST_SAMPLES
+    assert all(2 <= m <= n for m, n in zip(field, shape, strict=True))
+    assert np.allclose(field, expected, rtol=0.03)
 
 
 @pytest.mark.parametrize(("samples", "coarse"), [(2, 2), (3, 2), (7, 2), (65, 64), (100, 64), (1000, 64), (64, 64)])
@@ -59,14 +59,14 @@ def test_weights_are_those_of_boxes_around_coarse_samples(samples: int, coarse: 
 
 def slow(grid: Grid, shape: Shape) -> NDArray[np.float64]:
     """The coarse samples one by one, each a sum over all samples of the field."""
-    known = np.ones(grid.shape) if grid.holes is None else (~grid.holes).astype(np.float64)
+    finite = np.ones(grid.shape) if grid.holes is None else (~grid.holes).astype(np.float64)
     z, y, x = (axis_weights(n, m).toarray() for n, m in zip(grid.shape, shape, strict=True))
-    found = np.empty(shape)
+    field = np.empty(shape)
     for k, j, i in product(*map(range, shape)):
         weights = z[k][:, None, None] * y[j][:, None] * x[i]
-        share = (weights * known).sum()
-        found[k, j, i] = (weights * known * grid.values).sum() / share if share >= 0.5 else np.nan
-    return found
+        share = (weights * finite).sum()
+        field[k, j, i] = (weights * finite * grid.values).sum() / share if share >= 0.5 else np.nan
+    return field
 
 
 def few(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -81,42 +81,42 @@ def test_averages_are_those_of_a_slow_sum(monkeypatch: pytest.MonkeyPatch) -> No
     values = RNG.random((17, 9, 23))
     values[3:9, 2:7, 5:15] = np.nan
     grid = checked_grid(values, SPACING, (1.0, 2.0, 3.0), "transparent")
-    found = coarsened(FieldPart.all_of(grid))
-    assert found is not None
-    assert not found.whole
-    expected = slow(grid, found.values.shape)
+    field = coarsened(FieldPart.all_of(grid))
+    assert field is not None
+    assert not field.whole
+    expected = slow(grid, field.values.shape)
     assert 0 < np.isnan(expected).sum() < expected.size
-    np.testing.assert_allclose(found.values, expected, rtol=1e-12)
-    last = np.array(found.origin) + np.array(found.spacing) * (np.array(found.values.shape[::-1]) - 1)
-    np.testing.assert_allclose([found.origin, last], grid.bounds)
+    np.testing.assert_allclose(field.values, expected, rtol=1e-12)
+    last = np.array(field.origin) + np.array(field.spacing) * (np.array(field.values.shape[::-1]) - 1)
+    np.testing.assert_allclose([field.origin, last], grid.bounds)
 
 
 def test_linear_fields_stay_exact(monkeypatch: pytest.MonkeyPatch) -> None:
     few(monkeypatch)
     z, y, x = np.meshgrid(*map(np.arange, (17, 9, 23)), indexing="ij")
-    found = coarsened(FieldPart.all_of(Grid(2.0 * x - 3.0 * y + 0.5 * z)))
-    assert found is not None
+    field = coarsened(FieldPart.all_of(Grid(2.0 * x - 3.0 * y + 0.5 * z)))
+    assert field is not None
     z, y, x = np.meshgrid(
-        *(np.linspace(0, n - 1, m) for n, m in zip((17, 9, 23), found.values.shape, strict=True)), indexing="ij"
+        *(np.linspace(0, n - 1, m) for n, m in zip((17, 9, 23), field.values.shape, strict=True)), indexing="ij"
     )
-    np.testing.assert_allclose(found.values, 2.0 * x - 3.0 * y + 0.5 * z, atol=1e-12)
+    np.testing.assert_allclose(field.values, 2.0 * x - 3.0 * y + 0.5 * z, atol=1e-12)
 
 
 @pytest.mark.parametrize("dtype", ["float32", "float64", "int32", "int64"])
 def test_small_fields_are_kept_as_they_are(dtype: str) -> None:
     values = (1000 * RNG.random((4, 5, 6))).astype(dtype)
-    found = coarsened(FieldPart.all_of(Grid(values, SPACING, (1.0, 2.0, 3.0))))
-    assert found is not None
-    assert found.whole
-    assert np.array_equal(found.values, values)
-    assert (found.spacing, found.origin) == (SPACING, (1.0, 2.0, 3.0))
+    field = coarsened(FieldPart.all_of(Grid(values, SPACING, (1.0, 2.0, 3.0))))
+    assert field is not None
+    assert field.whole
+    assert np.array_equal(field.values, values)
+    assert (field.spacing, field.origin) == (SPACING, (1.0, 2.0, 3.0))
 
 
 def test_holes_are_kept_where_the_field_is() -> None:
     values = np.where(RNG.random((4, 5, 6)) < 0.4, np.nan, 2.0)
-    found = coarsened(FieldPart.all_of(checked_grid(values, 1.0, 0.0, "transparent")))
-    assert found is not None
-    assert np.array_equal(found.values, values, equal_nan=True)
+    field = coarsened(FieldPart.all_of(checked_grid(values, 1.0, 0.0, "transparent")))
+    assert field is not None
+    assert np.array_equal(field.values, values, equal_nan=True)
 
 
 def test_a_field_that_would_be_all_holes_is_left_out(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -128,9 +128,9 @@ def test_a_field_that_would_be_all_holes_is_left_out(monkeypatch: pytest.MonkeyP
 
 def test_the_largest_numbers_stay_finite(monkeypatch: pytest.MonkeyPatch) -> None:
     few(monkeypatch)
-    found = coarsened(FieldPart.all_of(Grid(np.full((20, 20, 20), np.finfo(np.float64).max))))
-    assert found is not None
-    np.testing.assert_allclose(found.values / np.finfo(np.float64).max, 1.0)
+    field = coarsened(FieldPart.all_of(Grid(np.full((20, 20, 20), np.finfo(np.float64).max))))
+    assert field is not None
+    np.testing.assert_allclose(field.values / np.finfo(np.float64).max, 1.0)
 
 
 @pytest.mark.parametrize("small", [False, True])
