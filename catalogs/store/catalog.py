@@ -18,9 +18,9 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import os
-import shutil
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -28,105 +28,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catalogs.files import durable
-from catalogs.files.images import write_image
-from catalogs.store.coarse import CoarseField, save_coarse_fields
 from catalogs.store.description import DESCRIPTION, LOCK, check_place, read_description, write_empty
-from catalogs.store.digests import Digests
 from catalogs.store.journal import key_of
-from catalogs.store.members import (
-    COARSE,
-    RECORD,
-    SUMMARY,
-    Member,
-    known_appearances,
-    read_record,
-    stored_names,
-    write_record,
-)
+from catalogs.store.member_writer import MemberWriter
+from catalogs.store.members import RECORD, Member, known_appearances, read_record, write_record
 from catalogs.store.missing import MissingMember, missing_members
 from catalogs.store.notebook.html import catalog_html
 from catalogs.store.pictures import read_picture
 from catalogs.store.plan import CatalogError, CatalogPlan, name_problem, read_json
 from catalogs.store.splits import Splits
-from catalogs.store.summary import FieldSummary, save_summaries
 from catalogs.store.table import MEMBERS, UNFINISHED, CatalogTable, keys_of, member_paths
 from catalogs.vocabulary.cameras import Camera
 from catalogs.vocabulary.parameters import Outside
 from catalogs.vocabulary.words import counted, shortened
 
 __all__ = ["Catalog", "CatalogError", "CatalogPlan", "Member", "MemberWriter"]
-
-
-class MemberWriter:
-    """Writer of one member in a hidden folder; leaving the `with` block commits it, an exception discards it."""
-
-    def __init__(self, catalog: Catalog, member: Member, *, replace: bool = False) -> None:
-        self._catalog = catalog
-        self._replace = replace
-        self.member = member
-        self._written: dict[tuple[str, int], str] = {}  # digests of images
-        self._files: dict[str, str] = {}  # digests of other files
-
-    @property
-    def path(self) -> Path:
-        """The hidden folder of the unfinished member."""
-        return self.member.path
-
-    def write_image(self, appearance: str, view: int, rgba: NDArray[Any]) -> None:
-        """Store premultiplied RGBA [H, W, 4], uint8 or float32 in [0, 1], of the camera's size.
-
-        Raises CatalogError for an unknown appearance or view, another size, or a transparent image where the catalog has a
-        background.  Raises ValueError for another dtype or NaN, and OSError where the disk refuses.
-        """
-        plan = self._catalog.plan
-        if appearance not in self.member.appearances:
-            raise CatalogError(f"no appearance {appearance!r}; the member has {shortened(self.member.appearances)}")
-        if not 0 <= view < len(self.member.cameras):
-            raise CatalogError(f"view {view} does not exist: there are {len(self.member.cameras)}")
-        camera = self.member.cameras[view]
-        if rgba.shape != (camera.height, camera.width, 4):
-            raise CatalogError(f"view {view} must be {camera.height}x{camera.width} RGBA, got shape {rgba.shape}")
-        if plan.background is not None and (rgba[..., 3] < (255 if rgba.dtype == np.uint8 else 1.0)).any():
-            raise CatalogError(
-                f"view {view} of {appearance} is transparent, but this catalog's images are opaque on the background "
-                f"{plan.background}: composite it first, rgb + (1 - alpha) * background"
-            )
-        path = self.path / plan.image_name(appearance, view)
-        path.parent.mkdir(exist_ok=True)
-        self._written[appearance, view] = write_image(path, rgba)
-
-    def write_summaries(self, summaries: Mapping[str, FieldSummary]) -> None:
-        """Store summaries of the member's fields, by name ("" for a single field), beside the images."""
-        self._files[SUMMARY] = save_summaries(self.path / SUMMARY, stored_names(summaries, self._catalog.plan))
-
-    def write_coarse_fields(self, coarse: Mapping[str, CoarseField]) -> None:
-        """Store the member's coarse fields, by name ("" for a single field), beside the images."""
-        self._files[COARSE] = save_coarse_fields(self.path / COARSE, stored_names(coarse, self._catalog.plan))
-
-    def add_provenance(self, **values: Any) -> None:
-        """Add JSON values to the member's provenance."""
-        self.member = dataclasses.replace(self.member, provenance={**self.member.provenance, **values})
-
-    def missing(self) -> list[tuple[str, int]]:
-        """(appearance, view) pairs that are not written yet."""
-        views = range(len(self.member.cameras))
-        return [(a, v) for a in self.member.appearances for v in views if (a, v) not in self._written]
-
-    def digests(self) -> Digests:
-        """Digests of all files that were written."""
-        views = range(len(self.member.cameras))
-        images = {a: "".join(self._written[a, v] for v in views) for a in self.member.appearances}
-        return Digests(images, self._files)
-
-    def __enter__(self) -> MemberWriter:
-        return self
-
-    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
-        try:
-            if kind is None:
-                self._catalog._commit(self, replace=self._replace)
-        finally:
-            shutil.rmtree(self.path, ignore_errors=True)
 
 
 class Catalog:
@@ -278,7 +194,8 @@ class Catalog:
         self.update_table()
         self._refuse_duplicate(member, replace)
         durable.remove_abandoned(self.path / UNFINISHED)
-        return MemberWriter(self, dataclasses.replace(member, path=self.unfinished_folder(name)), replace=replace)
+        hidden = dataclasses.replace(member, path=self.unfinished_folder(name))
+        return MemberWriter(self.plan, hidden, partial(self._commit, replace=replace))
 
     def unfinished_folder(self, name: str) -> Path:
         """A new hidden folder for the member `name`, which `adopt` commits; it is removed later if its writer dies."""
