@@ -18,7 +18,7 @@ from catalogs.store.coarse import MOST_SAMPLES, CoarseField
 from insitu.fields.summarize import FieldPart, slabs
 from insitu.mpi.ranks import SINGLE, RankGroup
 
-AXIS = round(MOST_SAMPLES ** (1 / 3))  # an axis of so many samples keeps them all
+AXIS = round(MOST_SAMPLES ** (1 / 3))  # samples up to which an axis keeps its own
 ROUNDING = 1e-9
 
 Shape = tuple[int, int, int]
