@@ -1,5 +1,7 @@
 """Fields drawn along rays by C++ kernels: the images of `render`, without VTK."""
 
+from surrogate.ray_casting.fields import SampledField
+from surrogate.ray_casting.isosurface import SurfaceCaster, draw_isosurface
 from surrogate.ray_casting.volume import VolumeCaster, draw_volume
 
-__all__ = ["VolumeCaster", "draw_volume"]
+__all__ = ["SampledField", "SurfaceCaster", "VolumeCaster", "draw_isosurface", "draw_volume"]

@@ -6,22 +6,26 @@ cut into equal steps between the places where it enters and leaves the box, and 
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
 import torch
 from torch import Tensor
 
-from catalogs.vocabulary.appearance import VolumeRendering
+from catalogs.vocabulary.appearance import Isosurface, VolumeRendering
 from catalogs.vocabulary.cameras import Camera
 from surrogate.ray_casting.fields import SampledField
 from surrogate.ray_casting.functions import Knots, drawn_range
+from surrogate.ray_casting.isosurface import SAMPLES
 from surrogate.ray_casting.volume import HEADLIGHT, checked_distance
 
 OPAQUE = 1.0 / 8192.0  # light that is left where a ray ends early
 SLACK = 1e-3  # of a step, that a ray may be longer than its steps
 FARTHEST = 1e6  # widths of the drawn range: values beyond are held there
 ROUNDING = 2.0**-22  # of the values: a smaller difference of two interpolated ones is none
+SURFACE_STEP = 0.5  # samples, the longest step in which a surface is looked for
 RAYS_AT_ONCE = 4096
 
 
@@ -53,67 +57,100 @@ def draw_volume_reference(
     )  # [K, 4]
     samples = torch.from_numpy(field.filled.astype(np.float64)) if values is None else values.double()
     samples = ((samples - drawn[0]) / (drawn[1] - drawn[0])).clamp(-FARTHEST, FARTHEST)
-    march = _March(field, samples, torch.from_numpy(knots.places), table, appearance, distance)
+    march = _March(_Box.of(field), samples, torch.from_numpy(knots.places), table, appearance, distance)
+    return _by_rays(camera, march.along)
+
+
+def draw_isosurface_reference(
+    field: SampledField, appearance: Isosurface, camera: Camera, *, samples: int = SAMPLES
+) -> Tensor:
+    """Premultiplied RGBA (height, width, 4), float64, as `draw_isosurface` defines it.
+
+    Each ray is cut into equal steps of half a sample at most; the surface is in the first in which the field changes its sign.
+    """
+    box, level = _Box.of(field), torch.from_numpy(field.filled.astype(np.float64)) - appearance.isovalue
+    slopes = [
+        torch.from_numpy(np.gradient(level.numpy(), axis=2 - axis)) / spacing
+        for axis, spacing in enumerate(field.spacing)
+    ]
+    light = appearance.ambient, appearance.diffuse, appearance.specular, appearance.specular_power
+
+    def along(eye: Tensor, directions: Tensor) -> Tensor:
+        begin, step, steps = box.cut(eye, directions, 1.0 / (SURFACE_STEP * box.spacing))
+        counts = torch.arange(int(steps.max()) + 1)
+        places = begin[:, None] + counts.minimum(steps[:, None])[..., None] * step[:, None]  # [R, K, 3]
+        above = box.trilinear(level, places.reshape(-1, 3))[0].reshape(places.shape[:2]) >= 0.0  # [R, K]
+        crossed = above[:, 1:] != above[:, :-1]
+        image = torch.zeros(len(directions), 4, dtype=directions.dtype)
+        while crossed.any():
+            (rays,) = torch.nonzero(crossed.any(dim=1), as_tuple=True)
+            first = crossed[rays].int().argmax(dim=1)
+            crossed[rays, first] = False
+            hits = _bisected(box, level, begin[rays] + first[:, None] * step[rays], step[rays])
+            hidden = box.trilinear(level, hits)[1]
+            rays, hits = rays[~hidden], hits[~hidden]
+            crossed[rays] = False
+            gradients = torch.stack([box.trilinear(slope, hits)[0] for slope in slopes], dim=1)
+            color = torch.tensor(appearance.color, dtype=image.dtype).expand(len(rays), 3)
+            image[rays] = torch.cat(
+                [_lit(color, gradients, directions[rays], light), image.new_ones(len(rays), 1)], dim=1
+            )
+        return image
+
+    picture = _by_rays(camera.resized(samples * camera.width, samples * camera.height), along)
+    return picture.reshape(camera.height, samples, camera.width, samples, 4).mean(dim=(1, 3))
+
+
+def _by_rays(camera: Camera, along: Callable[[Tensor, Tensor], Tensor]) -> Tensor:
+    """The image (height, width, 4) of what `along` shows of the eye (3,) and unit directions (R, 3), a part at a time."""
     eye, directions = camera.rays()
     parts = torch.from_numpy(directions.reshape(-1, 3).copy()).split(RAYS_AT_ONCE)
-    return torch.cat([march.along(torch.from_numpy(eye), part) for part in parts]).reshape(
-        camera.height, camera.width, 4
-    )
+    return torch.cat([along(torch.from_numpy(eye), part) for part in parts]).reshape(camera.height, camera.width, 4)
 
 
-class _March:
-    def __init__(
-        self,
-        field: SampledField,
-        samples: Tensor,
-        places: Tensor,
-        table: Tensor,
-        appearance: VolumeRendering,
-        distance: float,
-    ) -> None:
-        self.samples, self.places, self.table, self.appearance, self.distance = (
-            samples,
-            places,
-            table,
-            appearance,
-            distance,
-        )
-        self.spacing, self.origin = torch.tensor(field.spacing).double(), torch.tensor(field.origin).double()
-        self.last = torch.from_numpy(field.size).double() - 1.0  # [3], x, y, z
-        self.holes = None if field.holes is None else torch.from_numpy(field.holes)
+def _bisected(box: _Box, level: Tensor, low: Tensor, step: Tensor) -> Tensor:
+    """Places (A, 3), in samples, between `low` and `low + step` where the field changes its sign."""
+    above = box.trilinear(level, low)[0] >= 0.0
+    share, width = torch.zeros(len(low), 1, dtype=low.dtype), 1.0
+    for _ in range(50):
+        width *= 0.5
+        same = (box.trilinear(level, low + (share + width) * step)[0] >= 0.0) == above
+        share = torch.where(same[:, None], share + width, share)
+    return low + share * step
 
-    def along(self, eye: Tensor, directions: Tensor) -> Tensor:
-        """Premultiplied RGBA (R, 4) of rays `directions` (R, 3), of unit length, from `eye` (3,)."""
-        enter, leave = self.box(eye, directions)  # [R], [R]
-        steps = torch.ceil((leave - enter) / self.distance - SLACK).clamp(min=1.0)  # [R]
-        steps = torch.where(leave > enter, steps, 0.0)
-        step = (leave - enter) / steps.clamp(min=1.0)  # [R]
-        color, through = directions.new_zeros(len(directions), 3), directions.new_ones(len(directions))
-        for k in range(int(steps.max()) if len(steps) else 0):
-            going = (steps > k) & (through >= OPAQUE)  # [R]
-            (rays,) = torch.nonzero(going, as_tuple=True)
-            points = eye + (enter[rays] + (k + 0.5) * step[rays])[:, None] * directions[rays]  # [A, 3]
-            index = (points - self.origin) / self.spacing  # [A, 3]
-            values, hidden = self.trilinear(index)  # [A], [A]
-            shown = self.function(values.clamp(0.0, 1.0))  # [A, 4]
-            exponents = step[rays] / self.appearance.transfer_function.opacity_unit_distance
-            alphas = 1.0 - (1.0 - shown[:, 0]) ** exponents  # [A]
-            straight = self.lit(shown[:, 1:], index, directions[rays]) if self.appearance.shaded else shown[:, 1:]
-            weights = through[rays] * torch.where(hidden, 0.0, alphas)  # [A]
-            color = color.index_add(0, rays, weights[:, None] * straight)
-            through = through.index_add(0, rays, -weights)
-        return torch.cat([color, 1.0 - through[:, None]], dim=1)
 
-    def box(self, eye: Tensor, directions: Tensor) -> tuple[Tensor, Tensor]:
-        """Distances (R,), (R,) at which rays enter and leave the box (Kay & Kajiya 1986); a miss leaves before it enters."""
+@dataclass(frozen=True, eq=False)
+class _Box:
+    """The grid: `last` (3,) are the last samples along x, y and z."""
+
+    last: Tensor
+    spacing: Tensor
+    origin: Tensor
+    holes: Tensor | None
+
+    @classmethod
+    def of(cls, field: SampledField) -> _Box:
+        spacing, origin = (torch.tensor(numbers, dtype=torch.float64) for numbers in (field.spacing, field.origin))
+        holes = None if field.holes is None else torch.from_numpy(field.holes)
+        return cls(torch.from_numpy(field.size).double() - 1.0, spacing, origin, holes)
+
+    def cut(self, eye: Tensor, directions: Tensor, measure: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+        """Of rays (R, 3) of unit length: where they enter (R, 3) and their steps (R, 3), in samples, and how many (R,).
+
+        A world unit along each axis is `measure` (3,) of the longest steps.
+        """
         held = torch.where(directions.abs() > 1e-200, directions, 1e-200)
-        first = (self.origin - eye) / held  # [R, 3]
+        first = (self.origin - eye) / held  # [R, 3], the slab method (Kay & Kajiya 1986)
         second = (self.origin + self.last * self.spacing - eye) / held  # [R, 3]
         near, far = torch.minimum(first, second), torch.maximum(first, second)
-        return near.amax(dim=1).clamp(min=0.0), far.amin(dim=1)
+        enter, leave = near.amax(dim=1).clamp(min=0.0), far.amin(dim=1)  # [R], [R]
+        inside = (leave - enter).clamp(min=0.0)
+        steps = torch.ceil(inside * (directions * measure).norm(dim=1) - SLACK).clamp(min=1.0)
+        begin = (eye + enter[:, None] * directions - self.origin) / self.spacing
+        return begin, directions * (inside / steps)[:, None] / self.spacing, torch.where(leave > enter, steps, 0.0)
 
-    def trilinear(self, index: Tensor) -> tuple[Tensor, Tensor]:
-        """The field (A,) at places in samples (A, 3), those beyond the box as on its face, and where the cell is hidden (A,)."""
+    def trilinear(self, samples: Tensor, index: Tensor) -> tuple[Tensor, Tensor]:
+        """`samples` (A,) at places in samples (A, 3), beyond the box those on its face, and where the cell is hidden (A,)."""
         index = torch.minimum(index.clamp(min=0.0), self.last)
         corner = torch.minimum(index.floor(), self.last - 1.0)  # [A, 3]
         share, (i, j, k) = index - corner, corner.long().unbind(1)
@@ -122,10 +159,42 @@ class _March:
             weight = torch.ones_like(total)
             for axis, side in enumerate((x, y, z)):
                 weight = weight * (share[:, axis] if side else 1.0 - share[:, axis])
-            total = total + weight * self.samples[k + z, j + y, i + x]
+            total = total + weight * samples[k + z, j + y, i + x]
             if self.holes is not None:
                 hidden = hidden | self.holes[k + z, j + y, i + x]
         return total, hidden
+
+
+@dataclass(frozen=True, eq=False)
+class _March:
+    """A volume: `samples` (nz, ny, nx) of which 0 to 1 is drawn, `places` (K,) and `table` (K, 4) of the knots."""
+
+    box: _Box
+    samples: Tensor
+    places: Tensor
+    table: Tensor
+    appearance: VolumeRendering
+    distance: float
+
+    def along(self, eye: Tensor, directions: Tensor) -> Tensor:
+        """Premultiplied RGBA (R, 4) of rays `directions` (R, 3), of unit length, from `eye` (3,)."""
+        begin, step, steps = self.box.cut(eye, directions, torch.full((3,), 1.0 / self.distance, dtype=torch.float64))
+        lengths = (step * self.box.spacing).norm(dim=1)  # [R], world units
+        color, through = directions.new_zeros(len(directions), 3), directions.new_ones(len(directions))
+        for k in range(int(steps.max())):
+            (rays,) = torch.nonzero((steps > k) & (through >= OPAQUE), as_tuple=True)
+            index = begin[rays] + (k + 0.5) * step[rays]  # [A, 3]
+            values, hidden = self.box.trilinear(self.samples, index)  # [A], [A]
+            shown = self.function(values.clamp(0.0, 1.0))  # [A, 4]
+            exponents = lengths[rays] / self.appearance.transfer_function.opacity_unit_distance
+            alphas = 1.0 - (1.0 - shown[:, 0]) ** exponents  # [A]
+            straight = (
+                _lit(shown[:, 1:], self.gradients(index), directions[rays]) if self.appearance.shaded else shown[:, 1:]
+            )
+            weights = through[rays] * torch.where(hidden, 0.0, alphas)  # [A]
+            color = color.index_add(0, rays, weights[:, None] * straight)
+            through = through.index_add(0, rays, -weights)
+        return torch.cat([color, 1.0 - through[:, None]], dim=1)
 
     def function(self, values: Tensor) -> Tensor:
         """Opacities and colours (A, 4) at values (A,) from 0 to 1, linear between the knots."""
@@ -134,20 +203,22 @@ class _March:
         share = (values - self.places[before]) / (self.places[after] - self.places[before])
         return torch.lerp(self.table[before], self.table[after], share[:, None])
 
-    def lit(self, colors: Tensor, index: Tensor, directions: Tensor) -> Tensor:
-        """Colours (A, 3) under a two-sided headlight: Blinn-Phong by central differences over one sample to either side."""
+    def gradients(self, index: Tensor) -> Tensor:
+        """Differences (A, 3) over one sample to either side, per world unit; those that rounding may make are 0."""
         slopes = []
-        for axis in range(3):
-            offset = torch.zeros(3, dtype=index.dtype)
-            offset[axis] = 1.0
-            ahead, behind = (self.trilinear(index + side * offset)[0] for side in (1.0, -1.0))
+        for offset in torch.eye(3, dtype=index.dtype):
+            ahead, behind = (self.box.trilinear(self.samples, index + side * offset)[0] for side in (1.0, -1.0))
             bound = ROUNDING * torch.maximum(ahead.abs(), behind.abs())
-            slopes.append(torch.where((ahead - behind).abs() > bound, ahead - behind, 0.0) / self.spacing[axis])
-        gradients = torch.stack(slopes, dim=1)  # [A, 3]
-        largest = gradients.detach().abs().amax(dim=1, keepdim=True)
-        gradients = gradients / torch.where(largest > 0.0, largest, 1.0)
-        steepness = gradients.square().sum(dim=1)  # [A]
-        steepness = torch.where(steepness > 0.0, steepness, 1.0).sqrt()
-        ambient, diffuse, specular, power = HEADLIGHT
-        facing = ((gradients * directions).sum(dim=1).abs() / steepness).clamp(max=1.0)[:, None]  # [A, 1]
-        return ((ambient + diffuse * facing) * colors + specular * facing**power).clamp(0.0, 1.0)
+            slopes.append(torch.where((ahead - behind).abs() > bound, ahead - behind, 0.0))
+        return torch.stack(slopes, dim=1) / self.box.spacing
+
+
+def _lit(colors: Tensor, gradients: Tensor, directions: Tensor, light: Sequence[float] = HEADLIGHT) -> Tensor:
+    """Colours (A, 3) under a two-sided headlight (Blinn-Phong), of gradients and unit rays (A, 3)."""
+    largest = gradients.detach().abs().amax(dim=1, keepdim=True)  # [A, 1]
+    gradients = gradients / torch.where(largest > 0.0, largest, 1.0)
+    steepness = gradients.square().sum(dim=1)  # [A]
+    steepness = torch.where(steepness > 0.0, steepness, 1.0).sqrt()
+    ambient, diffuse, specular, power = light
+    facing = ((gradients * directions).sum(dim=1).abs() / steepness).clamp(max=1.0)[:, None]  # [A, 1]
+    return ((ambient + diffuse * facing) * colors + specular * facing**power).clamp(0.0, 1.0)

@@ -25,7 +25,8 @@ using Rays = nb::ndarray<const double, nb::shape<5, 3>, nb::c_contig, nb::device
 
 constexpr int64_t kMostSamples = int64_t(1) << 29;  // so that 32 bits count numbers
 
-std::unique_ptr<PaddedField> bound_field(Input values, std::optional<Mask> holes, double low, double high, int threads) {
+std::unique_ptr<PaddedField> bound_field(Input values, std::optional<Mask> holes, double low, double high, bool surface,
+                                         int threads) {
     require(values.ndim() == 3 && std::min({values.shape(0), values.shape(1), values.shape(2)}) >= 2,
             "values must have shape [2 or more, 2 or more, 2 or more], got " + shape_of(values));
     int64_t samples = 1;
@@ -37,7 +38,7 @@ std::unique_ptr<PaddedField> bound_field(Input values, std::optional<Mask> holes
             require(holes->ndim() == 3 && holes->shape(k) == values.shape(k), "holes must have the shape of values, " + shape_of(values));
     const int size[3] = {int(values.shape(2)), int(values.shape(1)), int(values.shape(0))};
     nb::gil_scoped_release released;
-    return std::make_unique<PaddedField>(values.data(), holes ? holes->data() : nullptr, size, low, high, threads);
+    return std::make_unique<PaddedField>(values.data(), holes ? holes->data() : nullptr, size, low, high, surface, threads);
 }
 
 CastRays rays_of(const Rays& rows, const std::array<int, 2>& size) {
@@ -48,6 +49,8 @@ CastRays rays_of(const Rays& rows, const std::array<int, 2>& size) {
     require(rays.width >= 1 && rays.height >= 1, "a picture must have pixels");
     return rays;
 }
+
+CastLight light_of(const std::array<float, 4>& light) { return {light[0], light[1], light[2], light[3]}; }
 
 Output bound_volume(const PaddedField& field, Knots knots, const std::array<double, 2>& distances,
                     std::optional<std::array<float, 4>> light, Rays rows, const std::array<int, 2>& size, int threads,
@@ -60,12 +63,23 @@ Output bound_volume(const PaddedField& field, Knots knots, const std::array<doub
     nb::gil_scoped_release released;
     SegmentedFunction segmented(knots.data(), int64_t(knots.shape(0)), field);
     CastFunction& function = segmented.function;
-    function.per_distance = 1.0 / distances[0], function.per_unit = 1.0 / distances[1];
-    if (light) {
-        function.shaded = true;
-        function.ambient = (*light)[0], function.diffuse = (*light)[1], function.specular = (*light)[2], function.power = (*light)[3];
-    }
+    function.distance = distances[0], function.unit = distances[1];
+    if (light) function.shaded = true, function.light = light_of(*light);
     cast_volume(field.field, function, rays, kernels, threads, data);
+    return picture;
+}
+
+Output bound_surface(const PaddedField& field, const std::array<float, 3>& color, const std::array<float, 4>& light, int samples,
+                     Rays rows, const std::array<int, 2>& size, int threads, const std::string& instruction_set) {
+    const Kernels& kernels = kernels_named(instruction_set);
+    require(samples == 1 || samples == 2 || samples == 4, "samples must be 1, 2 or 4, got " + std::to_string(samples));
+    const CastRays rays = rays_of(rows, size);
+    require(rays.width % samples == 0 && rays.height % samples == 0, "size must be a multiple of samples");
+    CastSurface surface{nullptr, {color[0], color[1], color[2]}, light_of(light), samples};
+    Output picture = new_array({size_t(rays.height / samples), size_t(rays.width / samples), 4});
+    float* data = picture.data();
+    nb::gil_scoped_release released;
+    cast_surface(field, surface, rays, kernels, threads, data);
     return picture;
 }
 
@@ -74,8 +88,10 @@ Output bound_volume(const PaddedField& field, Knots knots, const std::array<doub
 void bind_casting(nb::module_& m) {
     using namespace nb::literals;
     nb::class_<PaddedField>(m, "CastField");
-    m.def("cast_field", &bound_field, "values"_a, "holes"_a.none(), "low"_a, "high"_a, "threads"_a);
+    m.def("cast_field", &bound_field, "values"_a, "holes"_a.none(), "low"_a, "high"_a, "surface"_a, "threads"_a);
     m.def("cast_volume", &bound_volume, "field"_a, "knots"_a, "distances"_a, "light"_a.none(), "rays"_a, "size"_a, "threads"_a,
+          "instruction_set"_a = "");
+    m.def("cast_surface", &bound_surface, "field"_a, "color"_a, "light"_a, "samples"_a, "rays"_a, "size"_a, "threads"_a,
           "instruction_set"_a = "");
 }
 

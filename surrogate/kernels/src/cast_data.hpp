@@ -19,6 +19,19 @@ struct CastField {
     int bricks[3], brick_row, brick_slice;
 };
 
+// A two-sided headlight (Blinn-Phong).
+struct CastLight {
+    float ambient, diffuse, specular, power;
+};
+
+// The surface where a field is 0.
+struct CastSurface {
+    const uint8_t* clear;    // [z, y, x] of bricks: 0 where something is seen, else bricks to the nearest such; null where none is clear
+    float color[3];
+    CastLight light;
+    int samples;             // along each side of a pixel: 1, 2 or 4
+};
+
 // Opacities and colours over values from 0 to 1: segments that begin at increasing places, the first at 0.
 // A row is place, opacity, its slope, 0; red, green, blue, 0; their slopes, 0.
 struct CastFunction {
@@ -26,12 +39,12 @@ struct CastFunction {
     const float* columns;    // [kSegmentColumns, kShortFunction], the same, of a short function
     const float* begins;     // [count + 1], the last beyond 1
     const int32_t* first;    // [cells + 1]: the segment in which each of equal parts of 0 to 1 begins
-    const uint8_t* clear;    // [z, y, x] of bricks: 0 where something is seen, else bricks to the nearest such; null where none is clear
+    const uint8_t* clear;    // see CastSurface
     int count, cells;
     int most;                // places inside of one part, the most
-    double per_distance, per_unit;  // of world units: 1 / sample distance, 1 / opacity unit distance
+    double distance, unit;   // world units: the longest step, and the length that opacities are of
     bool shaded;
-    float ambient, diffuse, specular, power;
+    CastLight light;
 };
 
 // Rays from `eye` along across * column + down * row + corner, in samples; `spacing` has world units.

@@ -11,16 +11,42 @@ namespace {
 
 constexpr int kTile = 32;             // pixels along a side, a multiple of a packet's
 constexpr double kFarthest = 1e6;     // of values, so that single precision never overflows
+constexpr double kFarthestOfSurface = 1e15;  // where the light's direction counts more than the place
 constexpr int kFewestCells = 64, kMostParts = 4096;
 constexpr int kFarthestBrick = 16;
 
-float range_value(float value, double low, double per_unit) {
-    return float(std::clamp((double(value) - low) * per_unit, -kFarthest, kFarthest));
+// Distances by the largest difference of coordinates, from those of the bricks that are 0: one axis after the other.
+void spread_distances(const int bricks[3], std::vector<uint8_t>& distances) {
+    const int64_t strides[3] = {1, bricks[0], int64_t(bricks[0]) * bricks[1]};
+    std::vector<uint8_t> line;
+    for (int axis = 0; axis < 3; ++axis) {
+        const int length = bricks[axis];
+        for (size_t k = 0; k < distances.size(); ++k) {
+            if ((int64_t(k) / strides[axis]) % length) continue;
+            uint8_t* first = distances.data() + k;
+            line.assign(size_t(length), kFarthestBrick);
+            for (int i = 0; i < length; ++i)
+                for (int j = std::max(0, i - kFarthestBrick); j < std::min(length, i + kFarthestBrick + 1); ++j)
+                    line[size_t(i)] = std::min(line[size_t(i)], std::max(first[j * strides[axis]], uint8_t(std::abs(i - j))));
+            for (int i = 0; i < length; ++i) first[i * strides[axis]] = line[size_t(i)];
+        }
+    }
+}
+
+template <class Draw>
+void in_tiles(const CastRays& rays, int threads, const Draw& draw) {
+    const int across = (rays.width + kTile - 1) / kTile, down = (rays.height + kTile - 1) / kTile;
+    parallel(int64_t(across) * down, threads, [&](int64_t task) {
+        const int left = int(task % across) * kTile, top = int(task / across) * kTile;
+        const int box[4] = {left, top, std::min(left + kTile, rays.width), std::min(top + kTile, rays.height)};
+        draw(box);
+    });
 }
 
 }  // namespace
 
-PaddedField::PaddedField(const float* values, const bool* holes, const int size[3], double low, double high, int threads) {
+PaddedField::PaddedField(const float* values, const bool* holes, const int size[3], double low, double high,
+                         bool surface, int threads) {
     CastField& f = field;
     std::copy(size, size + 3, f.size);
     f.row = size[0] + 2;
@@ -34,19 +60,32 @@ PaddedField::PaddedField(const float* values, const bool* holes, const int size[
     float *least = least_.resize(size_t(bricks)), *most = most_.resize(size_t(bricks));
     const int64_t row = size[0], slice = int64_t(size[0]) * size[1];
     const double per_unit = 1.0 / (high - low);
-    const auto within = [&](int k, int64_t at) { return std::clamp<int64_t>(at - 1, 0, size[k] - 1); };
-    parallel(size[2] + 2, threads, [&](int64_t z) {  // every slice is the first of one's pairs and the second of another's
-        for (int64_t y = 0; y < size[1] + 2; ++y) {
-            const float* from = values + within(2, z) * slice + within(1, y) * row;
-            float* first = z <= size[2] ? pairs + 2 * (z * f.slice + y * f.row) : nullptr;
-            float* second = z > 0 ? pairs + 2 * ((z - 1) * f.slice + y * f.row) + 1 : nullptr;
-            for (int64_t x = 0; x < f.row; ++x) {
-                const float value = range_value(from[within(0, x)], low, per_unit);
-                if (first) first[2 * x] = value;
-                if (second) second[2 * x] = value;
-            }
+    const double farthest = surface ? kFarthestOfSurface : kFarthest;
+    const auto drawn = [&](float value) { return float(std::clamp((double(value) - low) * per_unit, -farthest, farthest)); };
+    parallel(size[2], threads, [&](int64_t z) {  // every slice is the first of one's pairs and the second of another's
+        for (int64_t y = 0; y < size[1]; ++y) {
+            const float* from = values + z * slice + y * row;
+            float* first = pairs + 2 * ((z + 1) * f.slice + (y + 1) * f.row + 1);
+            for (int64_t x = 0; x < size[0]; ++x) first[2 * x] = first[2 * x - 2 * int64_t(f.slice) + 1] = drawn(from[x]);
         }
     });
+    // what lies beyond the ends of each axis, those of the axes before included
+    const auto beyond = [&](float end, float before) { return surface ? 2.0f * end - before : end; };
+    const auto put = [&](int64_t at, float value) {
+        if (at < cells) pairs[2 * at] = value;
+        if (at >= f.slice) pairs[2 * (at - f.slice) + 1] = value;
+    };
+    const auto sample = [&](int64_t at) { return at < cells ? pairs[2 * at] : pairs[2 * (at - f.slice) + 1]; };
+    const int64_t steps[3] = {1, f.row, f.slice}, lengths[3] = {f.row, size[1] + 2, size[2] + 2};
+    for (int axis = 0; axis < 3; ++axis) {
+        const int u = axis == 0 ? 1 : 0, v = axis == 2 ? 1 : 2;  // those before this axis have their ends
+        for (int64_t j = v < axis ? 0 : 1; j < lengths[v] - (v < axis ? 0 : 1); ++j)
+            for (int64_t i = u < axis ? 0 : 1; i < lengths[u] - (u < axis ? 0 : 1); ++i) {
+                const int64_t line = i * steps[u] + j * steps[v], step = steps[axis], last = line + (lengths[axis] - 1) * step;
+                put(line, beyond(sample(line + step), sample(line + 2 * step)));
+                put(last, beyond(sample(last - step), sample(last - 2 * step)));
+            }
+    }
     if (hidden) {
         const auto corner = [&](int k, int64_t at) { return std::clamp<int64_t>(at - 1, 0, size[k] - 2); };
         parallel(size[2] + 1, threads, [&](int64_t z) {
@@ -79,6 +118,21 @@ PaddedField::PaddedField(const float* values, const bool* holes, const int size[
     });
 }
 
+template <class Seen>
+std::vector<uint8_t> PaddedField::clear_bricks(const Seen& seen) const {
+    std::vector<uint8_t> clear(size_t(field.brick_slice) * size_t(field.bricks[2]));
+    bool found = false;
+    for (size_t k = 0; k < clear.size(); ++k) {
+        clear[k] = seen(least_[k], most_[k]) ? 0 : kFarthestBrick;
+        found = found || clear[k];
+    }
+    if (found)
+        spread_distances(field.bricks, clear);
+    else
+        clear.clear();
+    return clear;
+}
+
 SegmentedFunction::SegmentedFunction(const double* knots, int64_t count, const PaddedField& padded) {
     const double* last = knots + 5 * (count - 1);
     const double before[5] = {std::min(knots[0], 0.0), knots[1], knots[2], knots[3], knots[4]};
@@ -96,7 +150,7 @@ SegmentedFunction::SegmentedFunction(const double* knots, int64_t count, const P
         function.columns = columns;
     }
     divide();
-    find_clear(padded);
+    clear_ = padded.clear_bricks([this](float low, float high) { return most_opacity(low, high) > 0.0f; });
     function.rows = rows_.data();
     function.begins = begins_.data();
     function.first = first_.data();
@@ -146,41 +200,16 @@ float SegmentedFunction::most_opacity(float low, float high) const {
     return most;
 }
 
-void SegmentedFunction::find_clear(const PaddedField& padded) {
-    const CastField& f = padded.field;
-    const int64_t count = int64_t(f.brick_slice) * f.bricks[2];
-    clear_.resize(size_t(count));
-    bool found = false;
-    for (int64_t k = 0; k < count; ++k) {
-        clear_[size_t(k)] = most_opacity(padded.least()[k], padded.most()[k]) > 0.0f ? 0 : kFarthestBrick;
-        found = found || clear_[size_t(k)];
-    }
-    if (!found) return clear_.clear();
-    // Distances by the largest difference of coordinates: one axis after the other, there and back.
-    const int64_t strides[3] = {1, f.brick_row, f.brick_slice};
-    std::vector<uint8_t> line;
-    for (int axis = 0; axis < 3; ++axis) {
-        const int64_t stride = strides[axis];
-        const int length = f.bricks[axis];
-        for (int64_t k = 0; k < count; ++k) {
-            if ((k / stride) % length) continue;
-            line.assign(size_t(length), kFarthestBrick);
-            for (int i = 0; i < length; ++i)
-                for (int j = std::max(0, i - kFarthestBrick); j < std::min(length, i + kFarthestBrick + 1); ++j)
-                    line[size_t(i)] = uint8_t(std::min<int>(line[size_t(i)], std::max<int>(clear_[size_t(k + j * stride)], std::abs(i - j))));
-            for (int i = 0; i < length; ++i) clear_[size_t(k + i * stride)] = line[size_t(i)];
-        }
-    }
-}
-
 void cast_volume(const CastField& field, const CastFunction& function, const CastRays& rays, const Kernels& kernels, int threads,
                  float* picture) {
-    const int across = (rays.width + kTile - 1) / kTile, down = (rays.height + kTile - 1) / kTile;
-    parallel(int64_t(across) * down, threads, [&](int64_t task) {
-        const int left = int(task % across) * kTile, top = int(task / across) * kTile;
-        kernels.cast_tile(field, function, rays, left, top, std::min(left + kTile, rays.width), std::min(top + kTile, rays.height),
-                          picture);
-    });
+    in_tiles(rays, threads, [&](const int box[4]) { kernels.cast_tile(field, function, rays, box, picture); });
+}
+
+void cast_surface(const PaddedField& padded, CastSurface surface, const CastRays& rays, const Kernels& kernels, int threads,
+                  float* picture) {
+    const auto clear = padded.clear_bricks([](float low, float high) { return low <= 0.0f && high >= 0.0f; });
+    surface.clear = clear.empty() ? nullptr : clear.data();
+    in_tiles(rays, threads, [&](const int box[4]) { kernels.surface_tile(padded.field, surface, rays, box, picture); });
 }
 
 }  // namespace gs

@@ -12,13 +12,14 @@ namespace gs {
 // A field [size z, y, x] of which the values `low` and `high` become 0 and 1.
 class PaddedField {
 public:
-    // Cells with a hole at a corner are hidden; `holes` may be null.
-    PaddedField(const float* values, const bool* holes, const int size[3], double low, double high, int threads);
+    // Cells with a hole at a corner are hidden; `holes` may be null.  The repetitions at either end are, for surfaces, continuations
+    // along a line: so differences there are one-sided.
+    PaddedField(const float* values, const bool* holes, const int size[3], double low, double high, bool surface, int threads);
 
     CastField field{};
-    // Of the values in each brick, and whether all of its cells are hidden.
-    const float* least() const { return least_.data(); }
-    const float* most() const { return most_.data(); }
+    // For bricks in which nothing is seen the distance to the nearest of the others, see CastSurface; nothing where there are none.
+    template <class Seen>
+    std::vector<uint8_t> clear_bricks(const Seen& seen) const;
 
 private:
     Buffer<float> pairs_, least_, most_;
@@ -35,7 +36,6 @@ public:
 private:
     void add(const double* from, const double* to);
     void divide();
-    void find_clear(const PaddedField&);
     float most_opacity(float low, float high) const;
 
     std::vector<float> rows_, begins_;
@@ -46,5 +46,8 @@ private:
 
 // The volume rendering [height, width, 4].
 void cast_volume(const CastField&, const CastFunction&, const CastRays&, const Kernels&, int threads, float* picture);
+
+// The image [height, width, 4] of the surface where the field is 0; there are rays for each sample.
+void cast_surface(const PaddedField&, CastSurface, const CastRays&, const Kernels&, int threads, float* picture);
 
 }  // namespace gs

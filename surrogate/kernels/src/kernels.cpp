@@ -7,6 +7,8 @@
 #include <cstring>
 #if GS_WIDTH > 4
 #include <immintrin.h>
+#elif defined(__SSE2__)
+#include <xmmintrin.h>
 #endif
 
 namespace gs {
@@ -30,6 +32,7 @@ namespace {
 #include "lit.inc"
 #include "row_steps.inc"
 #include "casting.inc"
+#include "surfaces.inc"
 
 }  // namespace
 
@@ -61,6 +64,7 @@ extern const Kernels GS_KERNELS = {
     lit_colors_backward,
     step_rows,
     cast_tile,
+    surface_tile,
 };
 
 }  // namespace gs

@@ -302,8 +302,10 @@ struct Kernels {
     void (*lit_colors_backward)(const Lit&, int64_t first, int64_t last, const float* upstream, float* by_means, float* by_normals);
     // A step of Adam for the rows that have a gradient, see row_steps.inc.
     void (*step_rows)(const RowStep&);
-    // Pixels of a volume rendering [H, W, 4], see casting.inc; left and top are multiples of 4.
-    void (*cast_tile)(const CastField&, const CastFunction&, const CastRays&, int left, int top, int right, int bottom, float* picture);
+    // Pixels of a volume rendering [H, W, 4] in a box of left, top, right and bottom, the first two multiples of 4, see casting.inc.
+    void (*cast_tile)(const CastField&, const CastFunction&, const CastRays&, const int box[4], float* picture);
+    // Adds samples of a surface, whose rays are given, to a picture, see surfaces.inc.
+    void (*surface_tile)(const CastField&, const CastSurface&, const CastRays&, const int box[4], float* picture);
 };
 
 extern const Kernels kernels_baseline;
