@@ -62,3 +62,9 @@ class ValueScale:
         steps = np.asarray(places, dtype=np.float64) * (len(self.knots) - 1)
         low = np.clip(np.floor(steps).astype(np.int64), 0, len(self.knots) - 2)  # (...)
         return self.knots[low] + (steps - low) * (self.knots[low + 1] - self.knots[low])
+
+    def slopes(self, places: ArrayLike) -> NDArray[np.float64]:
+        """Derivatives (...) of `values` at places on the scale; at a knot, beyond it."""
+        steps = np.diff(self.knots) * (len(self.knots) - 1)  # [K - 1]
+        low = np.floor(np.asarray(places, dtype=np.float64) * (len(self.knots) - 1)).astype(np.int64)
+        return steps[np.clip(low, 0, len(steps) - 1)]

@@ -1,0 +1,100 @@
+"""Members predicted without themselves: the number of components, and standard deviations that hold for unseen members."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from catalogs.vocabulary.words import one_line
+from surrogate.emulation.components import PIECE, Array, Components, without
+from surrogate.emulation.processes import Processes
+
+FOLDS = 10
+SHARE, NORMAL = 0.9, 1.6448536269514722  # intervals that are made to hold, and half their width in standard deviations
+# Components are kept until the squared error without a member is this little above the least: the rest is storage.
+EXCESS = 0.01
+TINY = 1e-12  # of the mean square: less is rounding
+SEED = 0
+
+
+@dataclass(frozen=True, eq=False)
+class LeftOut:
+    """Members' fields predicted by emulators that were fitted anew without a tenth of the members, theirs among them.
+
+    Everything is a combination of the M members' differences from their mean.
+
+    Attributes
+    ----------
+    remainders : (M, M) the true fields less the predicted.
+    components : (M, K, M) components of each member's emulator.
+    deviations : (M, K) standard deviations of their coefficients.
+    """
+
+    remainders: Array  # [M, M]
+    components: Array  # [M, K, M]
+    deviations: Array  # [M, K]
+
+    __repr__ = one_line
+
+    @classmethod
+    def of(cls, points: Array, products: Array, processes: Processes, count: int) -> LeftOut:
+        """For points (M, P) and inner products (M, M); `processes` of all members are where fits start from."""
+        members = len(points)
+        order = np.random.default_rng(SEED).permutation(members)
+        remainders, deviations = np.eye(members), np.zeros((members, count))
+        combined = np.zeros((members, count, members))
+        for fold in range(min(FOLDS, members)):
+            out = np.sort(order[fold::FOLDS])
+            kept = np.setdiff1d(np.arange(members), out)
+            own = Components.of(without(products, kept))
+            fitted = Processes.fit(points[kept], own.coefficients, processes)
+            means, spreads = fitted.predict(points[out])  # [O, J]
+            few = min(count, means.shape[1])
+            combinations = own.combinations[:, :few] - own.combinations[:, :few].mean(0)  # [kept, K]
+            remainders[np.ix_(out, kept)] -= 1.0 / len(kept) + means[:, :few] @ combinations.T
+            combined[np.ix_(out, np.arange(few), kept)] = combinations.T
+            deviations[out, :few] = spreads[:, :few]
+        return cls(remainders, combined, deviations)
+
+    def squared(self, products: Array) -> Array:
+        """The sum of squared errors of each member, (M,)."""
+        return np.maximum(np.einsum("im,ml,il->i", self.remainders, products, self.remainders, optimize=True), 0.0)
+
+    def residual(self, differences: NDArray[np.float32], products: Array, combinations: Array) -> NDArray[np.float32]:
+        """The root of the mean squared error (V,) that the components of `combinations` (M, K) can't express."""
+        inside = (self.remainders @ products @ combinations) @ combinations.T  # [M, M]
+        tail = (self.remainders - inside).astype(np.float32)
+        found = np.empty(differences.shape[1], dtype=np.float32)
+        for start in range(0, len(found), PIECE):
+            piece = (tail @ differences[:, start : start + PIECE]).astype(np.float64)  # [M, piece]
+            found[start : start + PIECE] = np.sqrt((piece**2).mean(0))
+        return found
+
+    def factor(self, differences: NDArray[np.float32], residual: NDArray[np.float32]) -> float:
+        """The factor on standard deviations with which nine tenths of the errors at places (M, N) lie in 90 % intervals.
+
+        Of M members one more is expected to have the errors of the M + 1 - quantile (conformal prediction, Vovk et al. 2005).
+        """
+        errors = np.abs(self.remainders @ differences)  # [M, N]
+        rest = residual.astype(np.float64) ** 2  # [N]
+        ratios = np.zeros_like(errors)
+        for member, (combined, spreads) in enumerate(zip(self.components, self.deviations, strict=True)):
+            components = combined @ differences  # [K, N]
+            expected = np.sqrt(spreads**2 @ components**2 + rest)  # [N]
+            ratios[member] = np.divide(errors[member], expected, out=np.zeros_like(expected), where=expected > 0.0)
+        share = min(1.0, SHARE * (1.0 + 1.0 / len(errors)))
+        return float(np.quantile(ratios, share)) / NORMAL
+
+
+def needed(coefficients: Array, left_out: Array) -> int:
+    """The least number of components whose leave-one-out error is nearly the least, by errors (M, J) of the coefficients.
+
+    The geometric mean over members counts: it is what mean decibels show, and no single strange member decides.
+    """
+    nothing = np.zeros((len(coefficients), 1))
+    own = np.cumsum(np.hstack([nothing, left_out**2]), 1)  # [M, J + 1]
+    missing = np.cumsum(np.hstack([nothing, coefficients[:, ::-1] ** 2]), 1)[:, ::-1]  # [M, J + 1]
+    totals = np.log(own + missing + TINY * (coefficients**2).sum(1).mean() + np.finfo(float).tiny).mean(0)  # [J + 1]
+    return int(np.flatnonzero(totals <= totals.min() + np.log1p(EXCESS))[0])
