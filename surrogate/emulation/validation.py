@@ -72,7 +72,7 @@ class LeftOut:
             found[start : start + PIECE] = np.sqrt((piece**2).mean(0))
         return found
 
-    def factor(self, differences: NDArray[np.float32], residual: NDArray[np.float32]) -> float:
+    def factor(self, differences: Array, residual: NDArray[np.float32]) -> float:
         """The factor on standard deviations with which nine tenths of the errors at places (M, N) lie in 90 % intervals.
 
         Of M members one more is expected to have the errors of the M + 1 - quantile (conformal prediction, Vovk et al. 2005).
