@@ -11,6 +11,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from insitu.readers.arrays import check_room
+from insitu.readers.ensight import check_case
 from insitu.readers.legacy_vtk import check_legacy
 from insitu.readers.netcdf import is_classic, read_header
 from insitu.readers.vtk_xml_arrays import check_arrays
@@ -105,6 +106,7 @@ def _check_ensight(path: Path, text: str) -> None:
 
     EnSight's files do not say how long they are, and VTK takes what there is.
     """
+    check_case(path, text)
     names = [line.split()[-1] for line in text.splitlines() if ":" in line and "*" in line]
     if any("*" in line for line in text.splitlines() if line.strip().lower().startswith("model:")):
         return
