@@ -28,10 +28,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catalogs.files import durable
+from catalogs.files.digests import digest_of, sealed
+from catalogs.store.coarse import CoarseField, coarse_bytes
 from catalogs.store.description import DESCRIPTION, LOCK, check_place, read_description, write_empty
 from catalogs.store.journal import key_of
 from catalogs.store.member_writer import MemberWriter
-from catalogs.store.members import RECORD, Member, known_appearances, read_record, write_record
+from catalogs.store.members import (
+    COARSE,
+    RECORD,
+    Member,
+    known_appearances,
+    read_member,
+    read_record,
+    stored_names,
+    write_record,
+)
 from catalogs.store.missing import MissingMember, missing_members
 from catalogs.store.notebook.html import catalog_html
 from catalogs.store.pictures import read_picture
@@ -211,6 +222,22 @@ class Catalog:
         """
         with self._ready_for(members):
             self._table.add(members)
+
+    def add_coarse_fields(self, name: str, coarse: Mapping[str, CoarseField]) -> None:
+        """Store the coarse fields, by name ("" for a single field), of a member that has none.
+
+        Nothing else is touched but the digests in its record.  Raises CatalogError where the record is damaged.
+        """
+        folder, data = self.path / MEMBERS / name, coarse_bytes(stored_names(coarse, self.plan))
+        with durable.locked(self.path / LOCK):
+            member, _ = read_member(folder, self.plan)
+            durable.remove_abandoned(folder)
+            record = read_json(member.path / RECORD)
+            durable.replace(folder / COARSE, data)
+            if "digests" in record:
+                record.pop("digest", None)
+                record["digests"]["files"][COARSE] = digest_of(data)
+                durable.replace(folder / RECORD, sealed(record))
 
     def image_path(self, member: Member | str, appearance: str, view: int) -> Path:
         """Path of the file that holds an image: in a packed catalog the member's pack."""

@@ -234,6 +234,14 @@ def own_name(folder: Path) -> str:
     return name if name_problem(name) is None else ""
 
 
+def has_coarse_fields(folder: Path, plan: CatalogPlan) -> bool:
+    """True if the member in `folder` has coarse fields, recorded if its images are: a killed writer may not have got that far."""
+    if not (folder / COARSE).is_file():
+        return False
+    _, digests = read_member(folder, plan, verify=False)
+    return COARSE in digests.files or not digests.images
+
+
 def restored_record(folder: Path, parameters: Mapping[str, float]) -> bytes | None:
     """The damaged record of the member in `folder` as it was with these parameters; None unless its digest proves that."""
     try:

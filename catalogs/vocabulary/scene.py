@@ -116,14 +116,18 @@ class VariedMembers:
 class RenderPlan:
     """Accuracy of images: PSNR in dB against a converged reference, or a fixed step in world units.
 
-    `nan` is "refuse", or "transparent" for fields with NaN or infinite values, such as land in an ocean.
+    `nan` is "refuse", or "transparent" for fields with NaN or infinite values, such as land in an ocean.  `coarse_field` is False
+    where no field with few samples is to be stored beside the images of each member.
     """
 
     target_decibels: float = 50.0
     sample_distance: float | None = None
     nan: str = "refuse"
+    coarse_field: bool = True
 
     def __post_init__(self) -> None:
+        if not isinstance(self.coarse_field, bool):
+            raise ValueError(f"render: coarse_field must be true or false, got {self.coarse_field!r}")
         if self.nan not in NAN:
             raise ValueError(f"render: nan must be one of {joined_names(NAN)}, got {self.nan!r}")
 

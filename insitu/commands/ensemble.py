@@ -28,6 +28,8 @@ from insitu.commands.shell import command, engine_at, fail_on, how_to_run
 @shell.WORKERS
 @shell.SHARD
 @shell.ENGINE
+@shell.NO_COARSE_FIELD
+@shell.ADD_COARSE_FIELDS
 def ensemble(
     sources: tuple[str, ...],
     catalog: Path,
@@ -41,6 +43,8 @@ def ensemble(
     workers: int | None,
     shard: str | None,
     engine: str | None,
+    no_coarse_field: bool,
+    add_coarse_fields: bool,
     **reading: Any,
 ) -> None:
     """Render a stored ensemble.
@@ -57,6 +61,8 @@ def ensemble(
     exists, what is left out is the catalog's; members that it holds are skipped.
     """
     with command() as line:
+        from catalogs.vocabulary.words import plural
+        from insitu.ensembles import coarse
         from insitu.ensembles.ensemble import run_ensemble
         from insitu.members.notes import Once, notes_on_ensemble
 
@@ -76,9 +82,18 @@ def ensemble(
             suggestions = [suggestion for _, suggestion in suggested(pilots(stored, members, 5, nan)).values()]
             click.echo("\n".join(suggestion.toml() for suggestion in suggestions))
             looks = replace(looks, given=tuple(suggestion.appearance for suggestion in suggestions))
-        plan = looks.options(stored.space, options)
+        plan, how = looks.options(stored.space, options), {**how, "nan": nan}
+        plan = replace(plan, coarse_field=plan.coarse_field and not no_coarse_field)
         with engine_at(line, engine, workers, catalog) as where:
-            result = run_ensemble(catalog, members, stored, plan, nan=nan, existing=existing, **how, **where)
+            if add_coarse_fields:
+                result = coarse.add_coarse_fields(catalog, members, stored, plan, **how, **where)
+            else:
+                result = run_ensemble(catalog, members, stored, plan, existing=existing, **how, **where)
         line.close()
-        click.echo(repr(result))
+        if add_coarse_fields:
+            click.echo(f"{catalog}: coarse fields of {plural(len(result.rendered), 'member')} added")
+        else:
+            click.echo(repr(result))
+        if plan.coarse_field and not add_coarse_fields:
+            shell.say_lacking(catalog, "the same command with --add-coarse-fields")
         fail_on(result.failures)

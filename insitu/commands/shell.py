@@ -41,6 +41,14 @@ EXISTING = click.option(
     show_default=True,
     help="Stored members whose file has changed: name them and stop, keep them, or render them anew.",
 )
+NO_COARSE_FIELD = click.option(
+    "--no-coarse-field", is_flag=True, help="Store images alone, without fields of 64³ samples."
+)
+ADD_COARSE_FIELDS = click.option(
+    "--add-coarse-fields",
+    is_flag=True,
+    help="Give stored members that lack them fields of 64³ samples; render nothing.",
+)
 DECIBELS = click.option("--target-decibels", type=float, help="PSNR that volume rendering must reach.  [default: 50]")
 
 
@@ -64,6 +72,15 @@ def engine_at(line: ProgressLine, address: str | None, workers: int | None, fold
 
     with opened(address, [folder], line.say) as engine:
         yield {} if engine is None else {"engine": engine}
+
+
+def say_lacking(catalog: Path, command_line: str) -> None:
+    """Say how members of a catalog get the coarse fields that they lack, if any do."""
+    from catalogs.store.catalog import Catalog
+    from insitu.ensembles.coarse import note_on_lacking
+
+    if note := note_on_lacking(Catalog.open(catalog), command_line):
+        click.echo(note)
 
 
 def fail_on(failures: Mapping[str, str]) -> None:

@@ -49,6 +49,7 @@ SECONDS = click.FloatRange(min=0)
 @shell.EXISTING
 @shell.NAN
 @shell.WORKERS
+@shell.NO_COARSE_FIELD
 def watch(
     folder: Path,
     pattern: str | None,
@@ -64,6 +65,7 @@ def watch(
     until_idle: float | None,
     existing: Any,
     workers: int | None,
+    no_coarse_field: bool,
     **reading: Any,
 ) -> None:
     """Render the dumps in FOLDER as a simulation writes them.
@@ -99,6 +101,7 @@ def watch(
         options = options.as_in(looks.catalog.plan if looks.catalog else None)
         options = replace(options, arrays=options.arrays or tuple(filter(None, shown_fields(shown))))
         plan, nan = looks.options(space, options), options.nan or "refuse"
+        plan = replace(plan, coarse_field=plan.coarse_field and not no_coarse_field)
         if pattern is None:
             _follow(line, folder, catalog, plan, options, until_idle, existing, nan)
             return

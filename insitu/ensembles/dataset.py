@@ -16,6 +16,7 @@ from catalogs.files import durable
 from catalogs.progress import Count, Rate
 from catalogs.store.catalog import Catalog
 from catalogs.vocabulary.scene import PlannedMember, Scene
+from insitu.ensembles.coarse import add_coarse_fields
 from insitu.ensembles.ensemble import run_ensemble
 from insitu.ensembles.function_source import HookedSource, Simulate
 from insitu.ensembles.sources import ensemble_of
@@ -48,6 +49,7 @@ def make_dataset(
     workers: int | None = None,
     shard: tuple[int, int] | None = None,
     engine: Engine | None = None,
+    only_coarse_fields: bool = False,
     progress: Callable[[object], None] = lambda state: None,
     warn: Callable[[Warning], None] | None = None,
 ) -> DatasetResult:
@@ -61,6 +63,9 @@ def make_dataset(
     `insitu.ensembles.function_source.HookedSource`), instead of that
         of the scene's script.  Worker processes import it, so it is one of a module, or of a script that calls `make_dataset`
         under `if __name__ == "__main__":`.
+
+    only_coarse_fields : render nothing, but give stored members the coarse fields that they lack
+        (`insitu.ensembles.coarse.add_coarse_fields`).
 
     The others are arguments of `run_ensemble`.
 
@@ -84,12 +89,13 @@ def make_dataset(
         progress(state)
 
     try:
+        if only_coarse_fields and not scene.appearances:
+            raise ValueError(f"scene {scene.path}: its images were made elsewhere, and no field of them is there")
         if scene.source["kind"] == "nerf":
             made, failures = _import(scene, folder, show)
         else:
-            made, failures = _render(
-                scene, folder, simulate, workers=workers, shard=shard, engine=engine, progress=show, warn=warn
-            )
+            how: dict[str, Any] = {"workers": workers, "shard": shard, "engine": engine, "progress": show, "warn": warn}
+            made, failures = _render(scene, folder, simulate, only_coarse_fields, **how)
     finally:
         stopwatch.record()
     members = len(Catalog.open(folder / CATALOG).members)
@@ -102,7 +108,9 @@ def _checked(scene: Scene) -> DatasetResult:
     return DatasetResult(catalog.path, len(catalog.members), 0, 0.0, {})
 
 
-def _render(scene: Scene, folder: Path, simulate: Simulate | None, **how: Any) -> tuple[int, dict[str, str]]:
+def _render(
+    scene: Scene, folder: Path, simulate: Simulate | None, only_coarse_fields: bool, **how: Any
+) -> tuple[int, dict[str, str]]:
     """The number of rendered members, and the reasons for others' failures; `how` goes to `run_ensemble`."""
     ensemble = ensemble_of(scene, simulate)
     try:  # before any simulation runs
@@ -117,9 +125,11 @@ def _render(scene: Scene, folder: Path, simulate: Simulate | None, **how: Any) -
     if isinstance(ensemble.source, HookedSource) and not _complete(folder / CATALOG, members):
         ensemble.source.check()
     Once(how["warn"] or warn_caller).say("", notes_on_ensemble(members, ensemble.space))
-    result = run_ensemble(
-        folder / CATALOG, members, ensemble.source, options, nan=scene.render.nan, cache=folder / PILOTS, **how
-    )
+    path, how = folder / CATALOG, {**how, "nan": scene.render.nan}
+    if only_coarse_fields:
+        result = add_coarse_fields(path, members, ensemble.source, options, **how)
+    else:
+        result = run_ensemble(path, members, ensemble.source, options, cache=folder / PILOTS, **how)
     return len(result.rendered), dict(result.failures)
 
 

@@ -114,9 +114,9 @@ def run_ensemble(
     started, path = clock.perf_counter(), Path(catalog)
     runs = runs_of(source, members)
     options = replace(options, provenance={SOURCE: dict(source.identity), **options.provenance})
-    made, space = _agreeing_catalog(path, options, members)
+    made, space = agreeing_ensemble(path, options, members)
     present, changed = _present(path, made, members, source, existing)
-    todo, skipped = _split_off(_shard(runs, shard), present)
+    todo, skipped = _split_off(shard_of(runs, shard), present)
     if not todo:
         Catalog.open(path).rebuild_table()  # writes only where a killed run left the table behind its members
         return EnsembleResult((), skipped, _unread(source, path), clock.perf_counter() - started)
@@ -124,7 +124,7 @@ def run_ensemble(
     with single_threaded(), nullcontext(engine) if engine else local_engine(count, executor) as hands:
         kept = cache if source.expensive else None
         show, once = progress or (lambda state: None), Once(warn or warn_caller)
-        work = _EnsembleRun(path, source, nan, kept, hands, show, once, changed)
+        work = _EnsembleRun(path, source, nan, kept, hands, show, once, changed, options.coarse_field)
         if made is None:
             work.plan(runs, pilot_members(members, space), options, sum(map(len, todo)))
         rendered, there, failures = work.render(todo)
@@ -167,6 +167,7 @@ class _EnsembleRun:
     show: Callable[[EnsembleProgress], None]
     once: Once
     replaced: frozenset[str]  # stored members that are rendered anew
+    coarse_field: bool
 
     def plan(
         self, runs: Sequence[MemberRun], pilots: Sequence[PlannedMember], options: PlanOptions, members: int
@@ -238,7 +239,16 @@ class _EnsembleRun:
             settle(task, getattr(error, "outcomes", ()), reason_of(error))
 
         tasks = {
-            name: partial(render_run, self.path, self.source, run, self.nan, self.cache, self.replaced)
+            name: partial(
+                render_run,
+                self.path,
+                self.source,
+                run,
+                self.nan,
+                self.cache,
+                self.replaced,
+                coarse_field=self.coarse_field,
+            )
             for name, run in by_task.items()
         }
         self.engine.run(tasks, settle, failed, partial(self._tick, tracker), lambda error: isinstance(error, DiskError))
@@ -250,7 +260,7 @@ class _EnsembleRun:
         self.show(tracker.snapshot())
 
 
-def _agreeing_catalog(
+def agreeing_ensemble(
     path: Path, options: PlanOptions, members: Sequence[PlannedMember]
 ) -> tuple[Catalog | None, ParameterSpace]:
     """The catalog at `path`, if there is one, and the parameters; raises ValueError where it is not this ensemble's."""
@@ -276,14 +286,14 @@ def _present(
     """Names of stored members that stay, and of those to render anew; raises ValueError where `existing` forbids these."""
     if made is None:
         return set(), frozenset()
-    stored = _stored(made, members)
-    changed = [] if existing == "skip" else _changed_members(made, members, source, stored)
+    stored = stored_members(made, members)
+    changed = [] if existing == "skip" else changed_members(made, members, source, stored)
     if existing == "error":
         _refuse_changed(path, changed)
     return stored.keys() - set(changed), frozenset(changed)
 
 
-def _stored(catalog: Catalog, members: Sequence[PlannedMember]) -> dict[str, Member]:
+def stored_members(catalog: Catalog, members: Sequence[PlannedMember]) -> dict[str, Member]:
     """Stored members by the names of planned ones: of the same name, else of the same parameters."""
     found, names = catalog.members, catalog.plan.space.names
     by_name = {m.name: m for m in found}
@@ -305,7 +315,7 @@ def _split_off(
     return [run for run in todo if run], tuple(m.name for run in runs for m in run if m.name in present)
 
 
-def _changed_members(
+def changed_members(
     catalog: Catalog, members: Sequence[PlannedMember], source: FieldSource, stored: Mapping[str, Member]
 ) -> list[str]:
     """Planned members whose file holds something else than was stored; where none is stored, the first if the plan's does."""
@@ -326,7 +336,7 @@ def _refuse_changed(path: Path, changed: Sequence[str]) -> None:
         )
 
 
-def _shard(runs: Sequence[MemberRun], shard: tuple[int, int] | None) -> list[MemberRun]:
+def shard_of(runs: Sequence[MemberRun], shard: tuple[int, int] | None) -> list[MemberRun]:
     if shard is None:
         return list(runs)
     index, count = shard

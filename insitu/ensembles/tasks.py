@@ -7,6 +7,7 @@ import os
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 from catalogs.engines.stopping import StopRequested
 from catalogs.store.catalog import Catalog
@@ -90,10 +91,12 @@ def render_run(
     nan: str,
     cache: Path | None,
     replaced: frozenset[str] = frozenset(),
+    *,
+    coarse_field: bool = True,
 ) -> list[MemberOutcome]:
     """In a worker: render the members of a run into the catalog, but those that a worker who died has rendered already.
 
-    `replaced` names stored ones that are rendered all the same.
+    `replaced` names stored ones that are rendered all the same; without `coarse_field` no coarse fields are stored.
 
     Raises DiskError where the disk takes no more.
     """
@@ -104,7 +107,8 @@ def render_run(
         try:
             if dump.error is not None:
                 raise dump.error
-            rendered = _rendered(path, source, dump, nan, "replace" if name in replaced else "error")
+            existing: Existing = "replace" if name in replaced else "error"
+            rendered = _rendered(path, source, dump, existing, nan=nan, coarse_field=coarse_field)
         except StopRequested:
             raise
         except Exception as error:
@@ -124,7 +128,7 @@ def render_run(
     return outcomes
 
 
-def _rendered(path: Path, source: FieldSource, dump: Dump, nan: str, existing: Existing) -> RenderedMember:
+def _rendered(path: Path, source: FieldSource, dump: Dump, existing: Existing, **how: Any) -> RenderedMember:
     member = dump.member
 
     def progress(images: int) -> None:
@@ -132,7 +136,7 @@ def _rendered(path: Path, source: FieldSource, dump: Dump, nan: str, existing: E
 
     progress(0)
     stated = any(name in member.parameters for name in TIMES)  # then a file need not know it
-    with Session(path, nan=nan, progress=progress, warn=lambda note: None) as session:
+    with Session(path, **how, progress=progress, warn=lambda note: None) as session:
         return session.render_member(
             dump.field,
             member.parameters,

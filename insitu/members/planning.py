@@ -86,6 +86,7 @@ class PlanOptions:
             provenance=provenance or {},
             variations=scene.variations,
             fields=scene.quantities,
+            coarse_field=scene.render.coarse_field,
         )
 
     def __post_init__(self) -> None:
@@ -94,6 +95,8 @@ class PlanOptions:
             object.__setattr__(self, "bounds", checked_box(self.bounds))
         if self.views is not None and not isinstance(self.views, ViewPlan):
             raise ValueError(f"views must be a ViewPlan(frequency, width, height), got {shortened(self.views)}")
+        if not isinstance(self.coarse_field, bool):
+            raise ValueError(f"coarse_field must be True or False, got {shortened(self.coarse_field)}")
         if self.image_format is not None and self.image_format not in FORMATS:
             raise ValueError(f"image_format must be one of {joined_names(sorted(FORMATS))}, got {self.image_format!r}")
         if not isinstance(self.provenance, Mapping):
