@@ -12,7 +12,8 @@ from __future__ import annotations
 import io
 import math
 import zipfile
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -108,13 +109,26 @@ def load_coarse_fields(path: Path) -> dict[str, CoarseField]:
 
     Takes at most some 4 MB for a field, whatever the file says.  Raises ValueError naming a file that is absent or damaged.
     """
+    with _opened(path) as (archive, prefixes):
+        return {name: _field(archive, prefix) for name, prefix in prefixes.items()}
+
+
+def are_whole(path: Path) -> bool:
+    """True if all coarse fields in a file are the fields' own samples; reads no more of it.  Raises as `load_coarse_fields`."""
+    with _opened(path) as (archive, prefixes):
+        return all(bool(_read(archive, prefix + "whole", ())) for prefix in prefixes.values())
+
+
+@contextmanager
+def _opened(path: Path) -> Iterator[tuple[zipfile.ZipFile, dict[str, str]]]:
+    """The archive, and how the arrays of each field begin; errors name the file."""
     try:
         with durable.opened(path) as stream, zipfile.ZipFile(stream) as archive:
             listed = FIELDS + ".npy" in archive.NameToInfo
             names = [str(name) for name in _read(archive, FIELDS).ravel()] if listed else [""]
             if not 0 < len(names) <= MOST_FIELDS or len(set(names)) < len(names):
                 raise ValueError(f"it has {len(names)} fields")
-            return {name: _field(archive, _prefix(number)) for number, name in enumerate(names)}
+            yield archive, {name: _prefix(number) for number, name in enumerate(names)}
     except durable.SpecialFileError as error:
         raise ValueError(str(error)) from None
     except (*DAMAGED, NotImplementedError) as error:

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import dataclasses
 import shutil
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +16,7 @@ from catalogs.store.coarse import CoarseField, save_coarse_fields
 from catalogs.store.digests import Digests
 from catalogs.store.members import COARSE, SUMMARY, Member, stored_names
 from catalogs.store.plan import CatalogError, CatalogPlan
+from catalogs.store.sizes import Sizes
 from catalogs.store.summary import FieldSummary, save_summaries
 from catalogs.vocabulary.words import shortened
 
@@ -28,6 +29,7 @@ class MemberWriter:
         self.member = member
         self._written: dict[tuple[str, int], str] = {}  # digests of images
         self._files: dict[str, str] = {}  # digests of other files
+        self.sizes = Sizes(views=len(member.cameras))
 
     @property
     def path(self) -> Path:
@@ -56,6 +58,7 @@ class MemberWriter:
         path = self.path / plan.image_name(appearance, view)
         path.parent.mkdir(exist_ok=True)
         self._written[appearance, view] = write_image(path, rgba)
+        self.sizes = replace(self.sizes, images=self.sizes.images + path.stat().st_size)
 
     def write_summaries(self, summaries: Mapping[str, FieldSummary]) -> None:
         """Store summaries of the member's fields, by name ("" for a single field), beside the images."""
@@ -64,10 +67,12 @@ class MemberWriter:
     def write_coarse_fields(self, coarse: Mapping[str, CoarseField]) -> None:
         """Store the member's coarse fields, by name ("" for a single field), beside the images."""
         self._files[COARSE] = save_coarse_fields(self.path / COARSE, stored_names(coarse, self._plan))
+        whole = all(field.whole for field in coarse.values())
+        self.sizes = replace(self.sizes, fields=(self.path / COARSE).stat().st_size, whole=whole)
 
     def add_provenance(self, **values: Any) -> None:
         """Add JSON values to the member's provenance."""
-        self.member = dataclasses.replace(self.member, provenance={**self.member.provenance, **values})
+        self.member = replace(self.member, provenance={**self.member.provenance, **values})
 
     def missing(self) -> list[tuple[str, int]]:
         """(appearance, view) pairs that are not written yet."""

@@ -10,7 +10,8 @@ from typing import Any
 from catalogs.files import cinema
 from catalogs.store.catalog import Catalog, CatalogError
 from catalogs.store.members import Member, read_record
-from catalogs.store.notebook.facts import Tally, megabytes
+from catalogs.store.notebook.facts import Tally
+from catalogs.store.sizes import Sizes, bytes_of, sizes_of
 from catalogs.store.summary import FieldSummary
 from catalogs.store.table import MEMBERS, TABLE, member_names
 from catalogs.vocabulary.numbers import texts
@@ -38,12 +39,17 @@ def described(path: Path) -> Iterator[str]:
 
 def _catalog_lines(catalog: Catalog) -> Iterator[str]:
     tally, table = Tally(catalog.plan), list[list[Any]]([_heading(catalog)])
+    sizes: Sizes | None = None
     for name in member_names(catalog.path):
         member = read_record(catalog.path / MEMBERS / name, catalog.plan)
         tally.add(member)
+        sizes = sizes_of(member) if sizes is None else sizes + sizes_of(member)
         table.append(_row(catalog, member))
     _fill_in(table, catalog.plan.space.names)
-    facts = [*tally.facts(), ("on disk", f"{megabytes(catalog.path):,.1f} MB")]
+    facts = [*tally.facts(), ("on disk", f"{bytes_of(catalog.path) / 1e6:,.1f} MB")]
+    if sizes is not None:
+        facts.append(("of these", str(sizes)))
+        facts += [("advice", sizes.advice)] if sizes.advice else []
     if unfinished := ", ".join(path.name[1:].split("~")[0] for path in catalog.unfinished()):
         facts.append(
             ("unfinished", f"{unfinished}: being written now, or left by a killed run (the next one cleans up)")
@@ -129,6 +135,6 @@ def _table_lines(path: Path) -> Iterator[str]:
     except (UnicodeDecodeError, cinema.TableError) as error:
         raise CatalogError(f"{path / TABLE}: {error}") from error
     yield f"Cinema database {path}"
-    yield f"  {count:,} rows, {megabytes(path):,.1f} MB on disk, not made by gs-surrogate"
+    yield f"  {count:,} rows, {bytes_of(path) / 1e6:,.1f} MB on disk, not made by gs-surrogate"
     yield ""
     yield from _aligned([["column", "type", "values", "from", "to"], *(column.row() for column in columns)])

@@ -112,6 +112,7 @@ class CatalogWriter:
             seconds=clock.perf_counter() - started,
             extra_memory=memory.extra_bytes,
             warnings=warnings,
+            sizes=writer.sizes,
         )
 
     def _create(self, fields: MemberFields) -> Catalog:

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import psutil
 
+from catalogs.store.sizes import Sizes
 from catalogs.vocabulary.quantity import Quantity
 
 _STATUS = Path("/proc/self/status")
@@ -30,6 +31,7 @@ class RenderedMember:
     extra_memory : bytes of resident memory the call added at its peak (see `PeakMemory`).
     ranges : smallest and largest finite value of each field that is shown, by name; "" for a single one without a name.
     clipped_fractions : share of each field's values outside the ensemble's value range, likewise.
+    sizes : bytes of images and of coarse fields.
     warnings : what was recorded with the member besides: parameters out of bounds, transparent values.
     quantities : what each field is called, and its unit, as far as the catalog knows.
     skipped : whether it was in the catalog already, and nothing was done.
@@ -48,6 +50,7 @@ class RenderedMember:
     clipped_fractions: Mapping[str, float] = field(default_factory=dict)
     warnings: tuple[str, ...] = ()
     quantities: Mapping[str, Quantity] = field(default_factory=dict)
+    sizes: Sizes = Sizes()  # noqa: RUF009 - frozen
     skipped: bool = False
     error: str = ""
     queued: bool = False
@@ -83,6 +86,8 @@ class RenderedMember:
         lines = [
             repr(self),
             *(self._range_line(name) for name in self.ranges),
+            *([f"  {self.sizes}"] if self.sizes.images else []),
+            *([f"  {self.sizes.advice}"] if self.sizes.advice else []),
             *([] if self.error else [f"  {self.path}"]),
         ]
         return "\n".join([*lines, *(f"  warning: {w}" for w in self.warnings)])

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import os
 from array import array
 from collections import Counter
 from collections.abc import Iterable, Sequence
-from pathlib import Path
 
 import numpy as np
 
@@ -22,20 +20,6 @@ from catalogs.vocabulary.appearance import (
 )
 from catalogs.vocabulary.parameters import Parameter
 from catalogs.vocabulary.words import counted
-
-
-def megabytes(folder: Path) -> float:
-    """Size of all files in and below the folder."""
-    return _bytes(folder) / 1e6
-
-
-def _bytes(folder: str | Path) -> int:
-    with os.scandir(folder) as entries:
-        return sum(
-            _bytes(entry.path) if entry.is_dir(follow_symlinks=False) else entry.stat().st_size
-            for entry in entries
-            if entry.is_dir(follow_symlinks=False) or entry.is_file()
-        )
 
 
 def facts(plan: CatalogPlan, members: Iterable[Member]) -> list[tuple[str, str]]:

@@ -12,6 +12,7 @@ import insitu
 from catalogs.files.digests import digest_of_file
 from catalogs.store.catalog import Catalog
 from catalogs.store.members import COARSE, read_member
+from catalogs.store.sizes import Sizes
 from catalogs.tools.check import check
 from catalogs.vocabulary.appearance import Isosurface, VolumeRendering
 from catalogs.vocabulary.scene import ViewPlan
@@ -104,3 +105,15 @@ def test_sessions_keep_them_in_the_loop_and_behind_it(tmp_path: Path, background
         session.render_member(blob(), {"Re": 110.0}, spacing=SPACING)
     (member,) = Catalog.open(tmp_path / "a.cdb").members
     assert bool(member.coarse_fields()) == wanted
+
+
+def test_the_result_says_what_is_stored_and_what_may_be_spared(tmp_path: Path) -> None:
+    few = render(tmp_path / "a.cdb")
+    images = sum(path.stat().st_size for path in few.path.rglob("*.png"))
+    assert few.sizes == Sizes(images, (few.path / COARSE).stat().st_size, 12, True)
+    assert f"  {few.sizes}" in str(few).splitlines()
+    assert "fewer" not in str(few)
+    many = render(tmp_path / "b.cdb", views=ViewPlan(frequency=3, width=24, height=24))
+    assert "the fields are kept whole: fewer than 92 views may do" in str(many)
+    large = render(tmp_path / "c.cdb", blob(size=70), views=ViewPlan(frequency=3, width=8, height=8))
+    assert "fewer" not in str(large)
