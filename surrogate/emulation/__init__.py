@@ -2,5 +2,6 @@
 
 from surrogate.emulation.emulator import FieldEmulator
 from surrogate.emulation.field import EmulatedField
+from surrogate.emulation.fields import EmulatedFields
 
-__all__ = ["EmulatedField", "FieldEmulator"]
+__all__ = ["EmulatedField", "EmulatedFields", "FieldEmulator"]

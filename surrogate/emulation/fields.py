@@ -1,0 +1,166 @@
+"""The emulators of all fields of a catalog, in one folder."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from catalogs.store.catalog import Catalog
+from catalogs.store.coarse import CoarseField
+from catalogs.store.members import Member
+from catalogs.vocabulary.parameters import ParameterSpace
+from catalogs.vocabulary.quantity import Quantity
+from catalogs.vocabulary.words import joined_names
+from surrogate.appearance.scale import ValueScale
+from surrogate.emulation import storage
+from surrogate.emulation.emulator import FieldEmulator
+from surrogate.emulation.fitting import FEWEST
+from surrogate.storage import models
+from surrogate.storage.names import joined, part_of
+
+MOST_FIELDS = 256
+
+
+@dataclass(frozen=True, eq=False)
+class EmulatedFields(Mapping[str, FieldEmulator]):
+    """The emulator of each field, by its name; "" for a single unnamed one.
+
+    Attributes
+    ----------
+    space : the parameters, which emulators take normalized in it.
+    emulators : by field.
+    quantities : names and units, by field.
+    """
+
+    space: ParameterSpace
+    emulators: Mapping[str, FieldEmulator]
+    quantities: Mapping[str, Quantity] = field(default_factory=dict)
+
+    @classmethod
+    def fit(
+        cls, catalog: Catalog, scales: Mapping[str, ValueScale] | None = None, splits: Sequence[str] = ("train",)
+    ) -> EmulatedFields:
+        """From the coarse fields of the members of some splits; `scales` are those that appearances show fields on, by field.
+
+        Fields that fewer than three members have are left out: there may be none.  Raises ValueError naming a member whose field
+        lies on another grid than that of the others.
+        """
+        space = catalog.plan.space.with_logarithms()
+        members = [member for member in catalog.members if member.split in splits]
+        by_field: dict[str, list[tuple[Member, CoarseField]]] = {}
+        for member in members:
+            for name, coarse in member.coarse_fields().items():
+                by_field.setdefault(name, []).append((member, coarse))
+        emulators = {
+            name: _emulator(name, having, space, (scales or {}).get(name))
+            for name, having in by_field.items()
+            if len(having) >= FEWEST
+        }
+        return cls(space, emulators, {name: catalog.plan.quantity(name) for name in emulators})
+
+    def __getitem__(self, name: str) -> FieldEmulator:
+        try:
+            return self.emulators[name]
+        except KeyError:
+            raise KeyError(f"no field {name!r} is emulated, only {joined_names(self.emulators)}") from None
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.emulators)
+
+    def __len__(self) -> int:
+        return len(self.emulators)
+
+    def __repr__(self) -> str:
+        return f"<EmulatedFields of {self.space}: {joined_names(self.emulators)}, {self.megabytes:.1f} MB>"
+
+    @cached_property
+    def megabytes(self) -> float:
+        """Size of the stored tensors, 10^6 bytes."""
+        return self._stored().megabytes
+
+    def quantity(self, name: str) -> Quantity:
+        """The name and the unit of a field."""
+        return self.quantities.get(name, Quantity(name))
+
+    def save(self, directory: str | os.PathLike[str]) -> None:
+        """Write `model.safetensors`, then `model.json`, which makes them emulators, into `directory`."""
+        self._stored().save(directory)
+
+    @classmethod
+    def load(cls, directory: str | os.PathLike[str]) -> EmulatedFields:
+        """The emulators that were saved into `directory`; the folder may come from anyone, for nothing in it is run.
+
+        Raises FileNotFoundError where there are none, ValueError for those of a newer schema and, naming the part, for damage.
+        """
+        return models.load(directory, cls._of_stored)
+
+    def _stored(self) -> models.StoredModel:
+        stored = {name: storage.stored(emulator) for name, emulator in self.emulators.items()}
+        numbered = {str(number): parts for number, parts in enumerate(stored.values())}
+        record = {
+            "schema": models.SCHEMA,
+            "parameters": self.space.to_json(),
+            "fields": [
+                {
+                    "field": name,
+                    "quantity": self.quantities[name].to_json() if name in self.quantities else None,
+                    **parts[1],
+                }
+                for name, parts in stored.items()
+            ],
+        }
+        encodings = {f"{n}.{name}": e for n, parts in numbered.items() for name, e in parts[2].items()}
+        return models.StoredModel(joined({n: parts[0] for n, parts in numbered.items()}), record, encodings)
+
+    @classmethod
+    def _of_stored(cls, stored: models.StoredModel) -> EmulatedFields:
+        with models.part("parameters"):
+            space = ParameterSpace.from_json(stored.record["parameters"])
+        emulators: dict[str, FieldEmulator] = {}
+        quantities: dict[str, Quantity] = {}
+        for number, record in enumerate(_listed(stored.record["fields"])):
+            with models.part(f"field {number}"):
+                name = Quantity(record["field"]).name
+                encodings = {
+                    key.removeprefix(f"{number}."): e
+                    for key, e in stored.encodings.items()
+                    if key.startswith(f"{number}.")
+                }
+                emulators[name] = FieldEmulator.of_stored(part_of(stored.tensors, str(number)), record, encodings)
+                if emulators[name].processes.points.shape[1] != len(space):
+                    raise ValueError(f"it must have the {len(space)} parameters {joined_names(space.names)}")
+                quantities[name] = Quantity(**record["quantity"])
+        return cls(space, emulators, quantities)
+
+
+def _emulator(
+    name: str, having: Sequence[tuple[Member, CoarseField]], space: ParameterSpace, scale: ValueScale | None
+) -> FieldEmulator:
+    """Of one field, by the members that have it."""
+    first = having[0][1]
+    grid = (first.values.shape, first.spacing, first.origin)
+    for member, coarse in having:
+        if coarse.values.shape != grid[0] or not np.allclose((coarse.spacing, coarse.origin), grid[1:], rtol=1e-6):
+            raise ValueError(
+                f"the coarse field {name!r} of {member.name} has {_grid(coarse)}, that of {having[0][0].name} {_grid(first)}: "
+                "an emulator needs one grid for all members"
+            )
+    parameters = [[member.parameters[parameter] for parameter in space.names] for member, _ in having]
+    points = space.normalize(np.reshape(parameters, (len(having), len(space))))
+    return FieldEmulator.fit(points, np.stack([c.values for _, c in having]), first.spacing, first.origin, scale)
+
+
+def _grid(coarse: CoarseField) -> str:
+    z, y, x = coarse.values.shape
+    return f"{x} x {y} x {z} samples of spacing {coarse.spacing} from {coarse.origin} on"
+
+
+def _listed(records: Any) -> list[Mapping[str, Any]]:
+    if not isinstance(records, list) or not all(isinstance(r, dict) for r in records) or len(records) > MOST_FIELDS:
+        raise ValueError(f"fields must be at most {MOST_FIELDS} objects")
+    return records
