@@ -61,6 +61,9 @@ copied); the same input gives bitwise the same output for any number of threads.
     cast_volume(field, knots, distances, light, rays, size, threads, instruction_set="") -> picture (H, W, 4)
             knots (K, 5): places increasing from 0 to 1, opacity, red, green, blue; distances: between samples, and of opacities
             light: None, or ambient, diffuse, specular, power; rays (5, 3): see `surrogate.ray_casting.fields`; size: width, height
+    cast_gradient(field, knots, distances, rays, picture, gradient, every, threads, instruction_set="")
+            -> gradients by the values drawn (nz, ny, nx) and by opacity, red, green and blue of the knots (K, 4), of a picture
+            without a light and from a gradient by it (H, W, 4); without every, that by knots lacks steps of opacity 0
     cast_surface(field, color, light, samples, rays, size, threads, instruction_set="") -> picture (H, W, 4)
             of the surface where the field is 0; samples: along each side of a pixel, 1, 2 or 4; rays and size: of the samples
     step_rows(tensor, gradient, first, second, steps, rate, instruction_set="")

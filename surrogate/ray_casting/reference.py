@@ -24,6 +24,7 @@ from surrogate.ray_casting.volume import HEADLIGHT, checked_distance
 OPAQUE = 1.0 / 8192.0  # light that is left where a ray ends early
 SLACK = 1e-3  # of a step, that a ray may be longer than its steps
 FARTHEST = 1e6  # widths of the drawn range: values beyond are held there
+NEARLY_OPAQUE = 1e-6  # no derivative by an opacity that lies closer to 1
 ROUNDING = 2.0**-22  # of the values: a smaller difference of two interpolated ones is none
 SURFACE_STEP = 0.5  # samples, the longest step in which a surface is looked for
 RAYS_AT_ONCE = 4096
@@ -187,7 +188,9 @@ class _March:
             values, hidden = self.box.trilinear(self.samples, index)  # [A], [A]
             shown = self.function(values.clamp(0.0, 1.0))  # [A, 4]
             exponents = lengths[rays] / self.appearance.transfer_function.opacity_unit_distance
-            alphas = 1.0 - (1.0 - shown[:, 0]) ** exponents  # [A]
+            passing = 1.0 - shown[:, 0]
+            passing = torch.where(passing > NEARLY_OPAQUE, passing, passing.detach())
+            alphas = 1.0 - passing**exponents  # [A]
             straight = (
                 _lit(shown[:, 1:], self.gradients(index), directions[rays]) if self.appearance.shaded else shown[:, 1:]
             )

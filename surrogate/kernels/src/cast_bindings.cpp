@@ -4,6 +4,7 @@
 #include <nanobind/stl/array.h>
 #include <nanobind/stl/optional.h>
 #include <nanobind/stl/string.h>
+#include <nanobind/stl/tuple.h>
 #include <nanobind/stl/unique_ptr.h>
 
 #include <algorithm>
@@ -11,6 +12,8 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <tuple>
+#include <vector>
 
 #include "arrays.hpp"
 #include "casting.hpp"
@@ -69,6 +72,33 @@ Output bound_volume(const PaddedField& field, Knots knots, const std::array<doub
     return picture;
 }
 
+using Table = nb::ndarray<nb::numpy, double, nb::c_contig>;
+
+std::tuple<Output, Table> bound_gradient(const PaddedField& field, Knots knots, const std::array<double, 2>& distances, Rays rows,
+                                         Input picture, Input gradient, bool every, int threads,
+                                         const std::string& instruction_set) {
+    require(picture.ndim() == 3 && picture.shape(2) == 4, "picture must have shape [H, W, 4], got " + shape_of(picture));
+    require_shape(gradient, "gradient", {picture.shape(0), picture.shape(1), 4});
+    const Kernels& kernels = kernels_named(instruction_set);
+    const CastRays rays = rays_of(rows, {int(picture.shape(1)), int(picture.shape(0))});
+    const int* size = field.field.size;
+    Output by_values = unset_array({size_t(size[2]), size_t(size[1]), size_t(size[0])});
+    Table by_knots = unset_array<Table>({knots.shape(0), 4});
+    float* values = by_values.data();
+    double* table = by_knots.data();
+    nb::gil_scoped_release released;
+    SegmentedFunction segmented(knots.data(), int64_t(knots.shape(0)), field);
+    CastFunction& function = segmented.function;
+    function.distance = distances[0], function.unit = distances[1];
+    function.every = every;
+    if (every) function.clear = nullptr;
+    std::vector<double> by_segments(8 * size_t(function.count));
+    cast_gradient(field.field, function, rays, picture.data(), gradient.data(), kernels, threads, values, by_segments.data());
+    std::fill_n(table, 4 * knots.shape(0), 0.0);
+    segmented.by_knots(by_segments.data(), table);
+    return {by_values, by_knots};
+}
+
 Output bound_surface(const PaddedField& field, const std::array<float, 3>& color, const std::array<float, 4>& light, int samples,
                      Rays rows, const std::array<int, 2>& size, int threads, const std::string& instruction_set) {
     const Kernels& kernels = kernels_named(instruction_set);
@@ -90,6 +120,8 @@ void bind_casting(nb::module_& m) {
     nb::class_<PaddedField>(m, "CastField");
     m.def("cast_field", &bound_field, "values"_a, "holes"_a.none(), "low"_a, "high"_a, "surface"_a, "threads"_a);
     m.def("cast_volume", &bound_volume, "field"_a, "knots"_a, "distances"_a, "light"_a.none(), "rays"_a, "size"_a, "threads"_a,
+          "instruction_set"_a = "");
+    m.def("cast_gradient", &bound_gradient, "field"_a, "knots"_a, "distances"_a, "rays"_a, "picture"_a, "gradient"_a, "every"_a, "threads"_a,
           "instruction_set"_a = "");
     m.def("cast_surface", &bound_surface, "field"_a, "color"_a, "light"_a, "samples"_a, "rays"_a, "size"_a, "threads"_a,
           "instruction_set"_a = "");

@@ -45,6 +45,15 @@ struct CastFunction {
     double distance, unit;   // world units: the longest step, and the length that opacities are of
     bool shaded;
     CastLight light;
+    bool every;              // steps count in which nothing is seen, too: opacities of 0 have derivatives
+};
+
+// A picture and a gradient by it [height, width, 4], and what is added to: the gradients by the values drawn [z, y, x], and by
+// opacity, red, green and blue where each segment begins and by their slopes [segments, 8].
+struct CastGradient {
+    const float *picture, *gradient;
+    float* by_values;
+    double* by_segments;
 };
 
 // Rays from `eye` along across * column + down * row + corner, in samples; `spacing` has world units.

@@ -14,6 +14,7 @@ constexpr double kFarthest = 1e6;     // of values, so that single precision nev
 constexpr double kFarthestOfSurface = 1e15;  // where the light's direction counts more than the place
 constexpr int kFewestCells = 64, kMostParts = 4096;
 constexpr int kFarthestBrick = 16;
+constexpr int64_t kMostGradientParts = 8, kMostPartBytes = int64_t(1) << 28;  // all parts together
 
 // Distances by the largest difference of coordinates, from those of the bricks that are 0: one axis after the other.
 void spread_distances(const int bricks[3], std::vector<uint8_t>& distances) {
@@ -33,12 +34,21 @@ void spread_distances(const int bricks[3], std::vector<uint8_t>& distances) {
     }
 }
 
+int64_t tiles_of(const CastRays& rays) {
+    return int64_t((rays.width + kTile - 1) / kTile) * ((rays.height + kTile - 1) / kTile);
+}
+
+void box_of(const CastRays& rays, int64_t tile, int box[4]) {
+    const int across = (rays.width + kTile - 1) / kTile;
+    box[0] = int(tile % across) * kTile, box[1] = int(tile / across) * kTile;
+    box[2] = std::min(box[0] + kTile, rays.width), box[3] = std::min(box[1] + kTile, rays.height);
+}
+
 template <class Draw>
 void in_tiles(const CastRays& rays, int threads, const Draw& draw) {
-    const int across = (rays.width + kTile - 1) / kTile, down = (rays.height + kTile - 1) / kTile;
-    parallel(int64_t(across) * down, threads, [&](int64_t task) {
-        const int left = int(task % across) * kTile, top = int(task / across) * kTile;
-        const int box[4] = {left, top, std::min(left + kTile, rays.width), std::min(top + kTile, rays.height)};
+    parallel(tiles_of(rays), threads, [&](int64_t tile) {
+        int box[4];
+        box_of(rays, tile, box);
         draw(box);
     });
 }
@@ -137,9 +147,9 @@ SegmentedFunction::SegmentedFunction(const double* knots, int64_t count, const P
     const double* last = knots + 5 * (count - 1);
     const double before[5] = {std::min(knots[0], 0.0), knots[1], knots[2], knots[3], knots[4]};
     const double behind[5] = {std::max(last[0], 2.0), last[1], last[2], last[3], last[4]};
-    add(before, knots);
-    for (int64_t k = 0; k + 1 < count; ++k) add(knots + 5 * k, knots + 5 * (k + 1));
-    add(last, behind);
+    add(before, knots, {0, 0});
+    for (int64_t k = 0; k + 1 < count; ++k) add(knots + 5 * k, knots + 5 * (k + 1), {k, k + 1});
+    add(last, behind, {count - 1, count - 1});
     function.count = int(begins_.size());
     begins_.push_back(std::numeric_limits<float>::infinity());
     if (function.count <= kShortFunction) {
@@ -158,16 +168,27 @@ SegmentedFunction::SegmentedFunction(const double* knots, int64_t count, const P
 }
 
 // A segment between two knots, none where single precision does not tell them apart.
-void SegmentedFunction::add(const double* from, const double* to) {
+void SegmentedFunction::add(const double* from, const double* to, Ends ends) {
     const float begin = float(from[0]), end = float(to[0]);
     if (!(begin < end)) return;
     begins_.push_back(begin);
     const double length = double(end) - begin;
+    lengths_.push_back(length);
+    ends_.push_back(ends);
     double slopes[5];
     for (int k = 1; k < 5; ++k) slopes[k] = (to[k] - from[k]) / length;
     const double row[kSegmentColumns] = {begin,   from[1], slopes[1], 0, from[2],   from[3],
                                          from[4], 0,       slopes[2], slopes[3], slopes[4], 0};
     for (double number : row) rows_.push_back(float(number));
+}
+
+void SegmentedFunction::by_knots(const double* by_segments, double* out) const {
+    for (size_t s = 0; s < ends_.size(); ++s)
+        for (int k = 0; k < 4; ++k) {
+            const double by_end = by_segments[8 * s + 4 + size_t(k)] / lengths_[s];
+            out[4 * ends_[s].from + k] += by_segments[8 * s + size_t(k)] - by_end;
+            out[4 * ends_[s].to + k] += by_end;
+        }
 }
 
 // Equal parts of 0 to 1, fine enough that few have a second place inside.
@@ -203,6 +224,36 @@ float SegmentedFunction::most_opacity(float low, float high) const {
 void cast_volume(const CastField& field, const CastFunction& function, const CastRays& rays, const Kernels& kernels, int threads,
                  float* picture) {
     in_tiles(rays, threads, [&](const int box[4]) { kernels.cast_tile(field, function, rays, box, picture); });
+}
+
+// Tiles are dealt to a number of parts that does not depend on the threads; each adds to its own memory.
+void cast_gradient(const CastField& field, const CastFunction& function, const CastRays& rays, const float* picture,
+                   const float* gradient, const Kernels& kernels, int threads, float* by_values, double* by_segments) {
+    const size_t samples = size_t(field.size[0]) * size_t(field.size[1]) * size_t(field.size[2]), segments = 8 * size_t(function.count);
+    const int64_t parts = std::clamp<int64_t>(kMostPartBytes / int64_t(samples * sizeof(float)), 1, kMostGradientParts);
+    std::vector<float> values(samples * size_t(parts));
+    std::vector<double> tables(segments * size_t(parts));
+    const int64_t tiles = tiles_of(rays);
+    parallel(parts, threads, [&](int64_t part) {
+        const CastGradient out{picture, gradient, values.data() + samples * size_t(part), tables.data() + segments * size_t(part)};
+        for (int64_t tile = part; tile < tiles; tile += parts) {
+            int box[4];
+            box_of(rays, tile, box);
+            kernels.tile_backward(field, function, rays, box, out);
+        }
+    });
+    std::fill_n(by_segments, segments, 0.0);
+    for (size_t k = 0; k < tables.size(); ++k) by_segments[k % segments] += tables[k];
+    const int64_t slices = field.size[2], slice = int64_t(samples) / slices;
+    parallel(slices, threads, [&](int64_t z) {
+        for (int64_t k = z * slice; k < (z + 1) * slice; ++k) {
+            float total = 0.0f;
+            for (int64_t part = 0; part < parts; ++part) total += values[samples * size_t(part) + size_t(k)];
+            const int64_t y = k % slice / field.size[0], x = k % field.size[0];
+            const float value = field.pairs[2 * ((z + 1) * field.slice + (y + 1) * field.row + x + 1)];
+            by_values[k] = std::abs(value) < float(kFarthest) ? total : 0.0f;  // those further out are held
+        }
+    });
 }
 
 void cast_surface(const PaddedField& padded, CastSurface surface, const CastRays& rays, const Kernels& kernels, int threads,

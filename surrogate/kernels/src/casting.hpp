@@ -33,12 +33,21 @@ public:
 
     CastFunction function{};
 
+    // From the derivatives by segments [count, 8], see CastGradient, those by opacity, red, green and blue of the knots [knots, 4].
+    void by_knots(const double* by_segments, double* out) const;
+
 private:
-    void add(const double* from, const double* to);
+    struct Ends {
+        int64_t from, to;  // knots
+    };
+
+    void add(const double* from, const double* to, Ends ends);
     void divide();
     float most_opacity(float low, float high) const;
 
     std::vector<float> rows_, begins_;
+    std::vector<double> lengths_;
+    std::vector<Ends> ends_;
     Buffer<float> columns_;
     std::vector<int32_t> first_;
     std::vector<uint8_t> clear_;
@@ -46,6 +55,10 @@ private:
 
 // The volume rendering [height, width, 4].
 void cast_volume(const CastField&, const CastFunction&, const CastRays&, const Kernels&, int threads, float* picture);
+
+// From the picture and a gradient by it [height, width, 4], those by the values drawn [z, y, x], and by segments [segments, 8].
+void cast_gradient(const CastField&, const CastFunction&, const CastRays&, const float* picture, const float* gradient,
+                   const Kernels&, int threads, float* by_values, double* by_segments);
 
 // The image [height, width, 4] of the surface where the field is 0; there are rays for each sample.
 void cast_surface(const PaddedField&, CastSurface, const CastRays&, const Kernels&, int threads, float* picture);

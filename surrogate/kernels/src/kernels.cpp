@@ -32,6 +32,7 @@ namespace {
 #include "lit.inc"
 #include "row_steps.inc"
 #include "casting.inc"
+#include "casting_gradient.inc"
 #include "surfaces.inc"
 
 }  // namespace
@@ -64,6 +65,7 @@ extern const Kernels GS_KERNELS = {
     lit_colors_backward,
     step_rows,
     cast_tile,
+    tile_backward,
     surface_tile,
 };
 

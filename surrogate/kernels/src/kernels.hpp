@@ -304,6 +304,8 @@ struct Kernels {
     void (*step_rows)(const RowStep&);
     // Pixels of a volume rendering [H, W, 4] in a box of left, top, right and bottom, the first two multiples of 4, see casting.inc.
     void (*cast_tile)(const CastField&, const CastFunction&, const CastRays&, const int box[4], float* picture);
+    // The derivative of such pixels, see casting_gradient.inc.
+    void (*tile_backward)(const CastField&, const CastFunction&, const CastRays&, const int box[4], const CastGradient&);
     // Adds samples of a surface, whose rays are given, to a picture, see surfaces.inc.
     void (*surface_tile)(const CastField&, const CastSurface&, const CastRays&, const int box[4], float* picture);
 };

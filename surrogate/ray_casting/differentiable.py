@@ -1,0 +1,114 @@
+"""Volume renderings that torch differentiates, by the field's values and by the transfer function's control points."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+
+from catalogs.vocabulary.appearance import VolumeRendering
+from catalogs.vocabulary.cameras import Camera
+from surrogate import kernels
+from surrogate.derivatives import require_no_second_derivative
+from surrogate.ray_casting.fields import SampledField, Triple
+from surrogate.ray_casting.functions import Knots, drawn_range
+from surrogate.ray_casting.volume import checked_distance, drawn_values
+from surrogate.splatting.threads import cores
+
+
+def volume_image(
+    values: Tensor,
+    holes: NDArray[np.bool_] | None,
+    spacing: Triple,
+    origin: Triple,
+    appearance: VolumeRendering,
+    camera: Camera,
+    *,
+    opacities: Tensor | None = None,
+    colors: Tensor | None = None,
+    sample_distance: float | None = None,
+    threads: int | None = None,
+) -> Tensor:
+    """`draw_volume` as a function that torch can differentiate once: premultiplied RGBA (height, width, 4), float32.
+
+    Parameters
+    ----------
+    values : (nz, ny, nx) on a CPU; values in holes have no gradient.
+    opacities, colors : (P,) and (Q, 3), in place of those of the function's control points, whose values stay.
+
+    Raises ValueError for a shaded volume, which `surrogate.ray_casting.reference` differentiates.
+    """
+    if appearance.shaded:
+        raise ValueError(
+            f"appearance {appearance.name!r} is shaded, and the kernels differentiate volumes without shading only: "
+            "apply draw_volume_reference, which torch differentiates"
+        )
+    field = SampledField(values.detach().numpy(), holes, spacing, origin)
+    transfer = appearance.transfer_function
+    drawn = drawn_range(field.range, transfer)
+    knots = Knots.of(transfer, drawn)
+    distances = checked_distance(field, sample_distance), transfer.opacity_unit_distance
+    view = _View(field, drawn, knots.places, distances, camera, cores() if threads is None else threads)
+    own_opacities, own_colors = (
+        torch.tensor(p).double()[:, 1:] for p in (transfer.opacity_points, transfer.color_points)
+    )
+    shown = torch.cat(
+        [
+            torch.from_numpy(knots.of_opacities)
+            @ (own_opacities if opacities is None else opacities.double()[:, None]),
+            torch.from_numpy(knots.of_colors) @ (own_colors if colors is None else colors.double()),
+        ],
+        dim=1,
+    )  # [K, 4]
+    image: Tensor = _VolumeImage.apply(view, values, shown)
+    return image
+
+
+@dataclass(frozen=True, eq=False)
+class _View:
+    field: SampledField
+    drawn: tuple[float, float]
+    places: NDArray[np.float64]  # [K]
+    distances: tuple[float, float]
+    camera: Camera
+    threads: int
+
+    def table(self, shown: Tensor) -> NDArray[np.float64]:
+        return np.concatenate([self.places[:, None], shown.detach().numpy()], axis=1)
+
+
+class _VolumeImage(torch.autograd.Function):
+    @staticmethod
+    def forward(ctx: Any, view: _View, values: Tensor, shown: Tensor) -> Tensor:
+        samples, within = drawn_values(view.field, view.drawn, needs_neighbours=False)
+        ctx.view, ctx.dtype = view, values.dtype
+        ctx.samples = kernels.cast_field(samples, view.field.holes, *within, False, view.threads)
+        size = view.camera.width, view.camera.height
+        rays = view.field.rays(view.camera)
+        image = torch.from_numpy(
+            kernels.cast_volume(ctx.samples, view.table(shown), view.distances, None, rays, size, view.threads)
+        )
+        ctx.save_for_backward(shown, image)
+        return image
+
+    @staticmethod
+    def backward(ctx: Any, *gradients: Tensor) -> tuple[Tensor | None, ...]:
+        require_no_second_derivative("volume_image", "draw_volume_reference")
+        view: _View = ctx.view
+        shown, image = ctx.saved_tensors
+        by_values, by_shown = kernels.cast_gradient(
+            ctx.samples,
+            view.table(shown),
+            view.distances,
+            view.field.rays(view.camera),
+            image.numpy(),
+            gradients[0].contiguous().numpy(),
+            ctx.needs_input_grad[2],
+            view.threads,
+        )
+        low, high = view.drawn
+        return None, torch.from_numpy(by_values).to(ctx.dtype) / (high - low), torch.from_numpy(by_shown)
