@@ -18,7 +18,7 @@ from torch import Tensor
 from catalogs.vocabulary.appearance import TransferFunction
 from catalogs.vocabulary.cameras import Camera
 from catalogs.vocabulary.numbers import positive, row
-from catalogs.vocabulary.words import one_line
+from catalogs.vocabulary.words import joined_names, one_line
 from surrogate.lighting import Lighting
 from surrogate.splatting.along_rays import opacities_along_rays
 from surrogate.splatting.directional import directional_colors
@@ -58,7 +58,7 @@ class Gaussians:
     def of_tensors(cls, tensors: Mapping[str, Tensor]) -> Gaussians:
         """The Gaussians that had these `tensors()`; raises ValueError naming the tensor whose shape is another."""
         if set(tensors) != set(NAMES):
-            raise ValueError(f"they must consist of {list(NAMES)}, got {sorted(tensors)}")
+            raise ValueError(f"they must consist of {joined_names(NAMES)}, got {joined_names(sorted(tensors))}")
         count = len(tensors["means"]) if tensors["means"].ndim else 0
         shapes: dict[str, list[tuple[int, ...]]] = {name: [(count, width)] for name, width in GEOMETRY.items()}
         shapes |= {"opacity_logits": [(count,)], "colors": [(count, 3), (count, 12)]}

@@ -13,6 +13,7 @@ from torch import Tensor
 
 from catalogs.vocabulary.appearance import Appearance, Isosurface
 from catalogs.vocabulary.numbers import finite, fraction, row
+from catalogs.vocabulary.words import joined_names
 from surrogate import kernels
 from surrogate.splatting.directional import directions
 from surrogate.splatting.kernel_function import KernelFunction, kernel_takes
@@ -53,7 +54,9 @@ class Lighting:
     def from_json(cls, values: Mapping[str, Any]) -> Lighting:
         """The lighting described by `to_json` values; raises ValueError for an invalid strength or colour."""
         if set(values) != {"color", *STRENGTHS}:
-            raise ValueError(f"lighting must consist of {['color', *STRENGTHS]}, got {sorted(values)}")
+            raise ValueError(
+                f"lighting must consist of {joined_names(['color', *STRENGTHS])}, got {joined_names(sorted(values))}"
+            )
         red, green, blue = (fraction(c, "lighting color") for c in row(values["color"], 3, "lighting color"))
         strengths = {name: finite(values[name], f"lighting {name}") for name in STRENGTHS}
         for name, strength in strengths.items():

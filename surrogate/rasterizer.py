@@ -11,6 +11,7 @@ from torch import Tensor
 
 from catalogs.vocabulary.cameras import Camera
 from catalogs.vocabulary.numbers import finite, positive
+from catalogs.vocabulary.words import joined_names
 from surrogate.gaussians import Gaussians
 from surrogate.settings import MOST_SAMPLES, TrainingSettings
 from surrogate.splatting import AUTO, BACKENDS, Constants, Primitives, Rendering, draw, draw_over
@@ -45,7 +46,7 @@ class Rasterizer:
         """The rasterizer that `to_json` described; raises ValueError naming a value that is unknown or can't be."""
         names = {each.name for each in fields(Constants)}
         if unknown := sorted(set(values) - {"backend", *SAMPLES, *names}):
-            raise ValueError(f"unknown values {unknown}")
+            raise ValueError(f"unknown values {joined_names(unknown)}")
         constants = Constants(**{name: finite(value, name) for name, value in values.items() if name in names})
         positive(constants.near, "near")
         if not constants.dilation >= 0.0:
@@ -57,7 +58,7 @@ class Rasterizer:
             )
         backend = values.get("backend", AUTO)
         if backend not in (AUTO, *BACKENDS):
-            raise ValueError(f"backend must be one of {[AUTO, *sorted(BACKENDS)]}, got {backend!r}")
+            raise ValueError(f"backend must be one of {joined_names([AUTO, *sorted(BACKENDS)])}, got {backend!r}")
         samples = {name: values[name] for name in SAMPLES}
         for name, number in samples.items():
             if type(number) is not int or not 1 <= number <= MOST_SAMPLES:

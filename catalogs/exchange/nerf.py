@@ -29,6 +29,7 @@ from catalogs.store.catalog import Catalog, CatalogPlan, Member, MemberWriter
 from catalogs.vocabulary.appearance import ImportedImages
 from catalogs.vocabulary.cameras import Camera
 from catalogs.vocabulary.parameters import SPLITS, Parameter, ParameterSpace
+from catalogs.vocabulary.words import joined_names
 
 APPEARANCE = "imported"
 WRITERS = 4
@@ -192,7 +193,9 @@ def _space(frames: Sequence[Frame], space: ParameterSpace | None, names: Sequenc
         names = list(own) if names is None else list(names)
         if len(names) != count:
             last = ", the last of which is time" if own[-1] == "time" else ""
-            raise ExchangeError(f"frames have {count} params{last}, there are {len(names)} names: {names}")
+            raise ExchangeError(
+                f"frames have {count} params{last}, there are {len(names)} names: {joined_names(names)}"
+            )
         values = np.array([f.parameters for f in frames if f.file_split == "train"])  # [F, P]
         low, high = values.min(axis=0), values.max(axis=0)  # [P]
         high = np.where(high > low, high, low + np.maximum(np.abs(low), 1.0))  # a constant has no range of its own
@@ -201,10 +204,12 @@ def _space(frames: Sequence[Frame], space: ParameterSpace | None, names: Sequenc
         )
     elif names is not None and tuple(names) != space.names:
         raise ExchangeError(
-            f"names {list(names)} contradict the parameter space's {list(space.names)}: give one of them"
+            f"names {joined_names(names)} contradict the parameter space's {joined_names(space.names)}: give one of them"
         )
     if len(space) != count:
-        raise ExchangeError(f"frames have {count} params, the parameter space {len(space)}: {list(space.names)}")
+        raise ExchangeError(
+            f"frames have {count} params, the parameter space {len(space)}: {joined_names(space.names)}"
+        )
     return space
 
 

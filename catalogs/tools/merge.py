@@ -26,7 +26,7 @@ from catalogs.store.missing import missing_members, report_missing
 from catalogs.store.pictures import pack_of, stored_picture
 from catalogs.tools.transfer import add_members, field_files, image_files, link_images
 from catalogs.vocabulary.cameras import Camera
-from catalogs.vocabulary.words import shortened
+from catalogs.vocabulary.words import joined_names, shortened
 
 Progress = Callable[[str, int, int], None]
 MOST_CONFLICTS = 5  # in an error message
@@ -117,7 +117,7 @@ def _refuse_repeated(paths: Sequence[Path]) -> None:
     repeated = sorted({str(path) for path, place in zip(paths, places, strict=True) if places.count(place) > 1})
     if repeated or len(paths) < 2:
         raise CatalogError(
-            f"name one catalog to merge into and others to take members from, each once: {repeated or paths}"
+            f"name one catalog to merge into and others to take members from, each once: {joined_names(repeated or paths)}"
         )
 
 

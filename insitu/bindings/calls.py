@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from catalogs.vocabulary import numbers
 from catalogs.vocabulary.appearance import shown_fields
 from catalogs.vocabulary.scene import Scene
+from catalogs.vocabulary.words import joined_names
 from insitu.fields.share import ghost_layers
 from insitu.hook.session import Session
 from insitu.members.planning import PlanOptions
@@ -162,7 +163,9 @@ class LibraryCalls:
             raise ValueError(f"field {name!r}: shape must be at least 2 samples along x, y and z, got {shape}")
         named = self._shown not in ((), ("",))
         if named and name not in self._shown:
-            raise ValueError(f"field {name!r} is shown by no appearance of the scene: they show {list(self._shown)}")
+            raise ValueError(
+                f"field {name!r} is shown by no appearance of the scene: they show {joined_names(self._shown)}"
+            )
         for other, values in self._fields.items():
             if other != name and not named:
                 raise ValueError(

@@ -16,6 +16,7 @@ from catalogs.files import durable
 from catalogs.progress import Count, Rate
 from catalogs.store.catalog import Catalog
 from catalogs.vocabulary.scene import PlannedMember, Scene
+from catalogs.vocabulary.words import joined_names
 from insitu.ensembles.coarse import add_coarse_fields
 from insitu.ensembles.ensemble import run_ensemble
 from insitu.ensembles.function_source import HookedSource, Simulate
@@ -159,7 +160,7 @@ def _import(scene: Scene, folder: Path, progress: Callable[[object], None]) -> t
     unknown = sorted(set(table) - {"kind", "path", "bounds", "background"})
     if unknown or "bounds" not in table:
         raise ValueError(
-            f"scene {scene.path}: source of kind nerf needs path, bounds and maybe background, got {sorted(table)}"
+            f"scene {scene.path}: source of kind nerf needs path, bounds and maybe background, got {joined_names(sorted(table))}"
         )
     before = Catalog.open(folder / CATALOG).members if is_catalog(folder / CATALOG) else ()
     there = sum(len(member.cameras) for member in before)  # images imported earlier

@@ -16,6 +16,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from catalogs.vocabulary.words import joined_names
+
 VERSION = re.compile(r"(HyperCLaw|NavierStokes)-V\d+\.\d+")
 LARGEST = 1 << 28  # bytes of a header
 MOST_CELLS = 1 << 21  # along an axis
@@ -180,7 +182,7 @@ def read_plotfile(path: Path) -> Plotfile:
         levels.append(RefinementLevel(low, counts, boxes, begins, extremes))
     _check_full(levels[0])
     if len(kinds) > 1:
-        raise ValueError(f"its boxes hold numbers of several kinds, {sorted(str(kind) for kind in kinds)}")
+        raise ValueError(f"its boxes hold numbers of several kinds, {joined_names(sorted(map(str, kinds)))}")
     return Plotfile(path, summary.names, summary.time, summary.low, summary.high, tuple(levels), kinds.pop())
 
 

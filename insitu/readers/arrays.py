@@ -18,6 +18,7 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
+from catalogs.vocabulary.words import joined_names
 from insitu.readers.missing import decoded
 from insitu.readers.netcdf import is_classic, read_header
 from insitu.readers.zarr_store import check_store
@@ -116,7 +117,7 @@ class Arrays:
     def __str__(self) -> str:
         listed = ", ".join(map(repr, list(self.arrays.values())[:12])) or "no array"
         more = f" and {len(self.arrays) - 12} more" if len(self.arrays) > 12 else ""
-        return f"{listed}{more}; attributes {sorted(self.attrs.get('', {}))}"
+        return f"{listed}{more}; attributes: {joined_names(sorted(self.attrs.get('', {})))}"
 
     def coordinate(self, array: StoredArray, dim: str) -> StoredArray | None:
         """The real numbers along an axis of `array`: the array of one axis that is called like it, in its group or above."""

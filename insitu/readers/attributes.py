@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catalogs.vocabulary.parameters import SPLITS
+from catalogs.vocabulary.words import joined_names
 from insitu.readers.arrays import Arrays, StoredArray
 from render.coordinates import described
 
@@ -110,7 +111,7 @@ def column_names(arrays: Arrays, columns: StoredArray, count: int, fields: Seque
     ]
     candidates = ranked or (list(found) if len(found) == 1 else [])
     if not candidates:
-        more = f": attributes {sorted(found)} could be they" if found else ""
+        more = f": attributes {joined_names(sorted(found))} could be they" if found else ""
         raise asking(arrays, [f"--names, the names of the {count} columns of {columns.name!r}{more}"])
     return found[candidates[0]]
 

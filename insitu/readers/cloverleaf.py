@@ -21,6 +21,7 @@ from typing import Any, BinaryIO
 import numpy as np
 from numpy.typing import NDArray
 
+from catalogs.vocabulary.words import joined_names
 from insitu.fields.field import Field
 from insitu.readers.arrays import LabelledArray, check_room
 from insitu.readers.fortran_numbers import respelled
@@ -91,7 +92,9 @@ def read(path: Path, array: str | None, index: tuple[int, ...], sampling: Sampli
         except (ValueError, OSError, EOFError) as error:
             raise ValueError(f"{part.name}: {error}") from None
     if len({(section.name, section.on_cells) for section in sections}) > 1:
-        raise ValueError(f"the chunks hold different arrays: {sorted({section.name for section in sections})}")
+        raise ValueError(
+            f"the chunks hold different arrays: {joined_names(sorted({section.name for section in sections}))}"
+        )
     whole, places = _joined(chunks)
     on_cells = sections[0].on_cells
     shape = tuple(len(axis) - on_cells for axis in reversed(whole))

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from catalogs.vocabulary.words import joined_names
 from insitu.simulations import Field, Simulation
 from insitu.simulations.runge_kutta import FlowState
 from insitu.simulations.taylor_green import NEVER, TaylorGreen
@@ -95,7 +96,7 @@ def _flow(
 ) -> TaylorGreen:
     """The solver; raises ValueError for what can't be solved or shown."""
     if set(parameters) != {"Re"}:
-        raise ValueError(f"the Taylor-Green vortex has the one parameter Re, got {sorted(parameters)}")
+        raise ValueError(f"the Taylor-Green vortex has the one parameter Re, got {joined_names(sorted(parameters))}")
     SIMULATION.check_fields(fields)
     field_flow = TaylorGreen(resolution=resolution, reynolds=float(parameters["Re"]))
     flow = field_flow if solver_resolution is None else replace(field_flow, resolution=solver_resolution)

@@ -10,7 +10,7 @@ import torch
 from torch import Tensor
 
 from catalogs.vocabulary.appearance import TransferFunction
-from catalogs.vocabulary.words import one_line
+from catalogs.vocabulary.words import joined_names, one_line
 from surrogate.appearance.averages import resampled
 from surrogate.appearance.scale import ValueScale
 from surrogate.appearance.transferred import AverageTable, apply
@@ -92,7 +92,7 @@ class FieldGaussians:
     def of_tensors(cls, tensors: Mapping[str, Tensor], field: FieldValues) -> FieldGaussians:
         """The Gaussians that had these `tensors()`; raises ValueError naming the tensor whose shape is another."""
         if set(tensors) != set(FIELD_NAMES):
-            raise ValueError(f"they must consist of {list(FIELD_NAMES)}, got {sorted(tensors)}")
+            raise ValueError(f"they must consist of {joined_names(FIELD_NAMES)}, got {joined_names(sorted(tensors))}")
         count = len(tensors["means"]) if tensors["means"].ndim else 0
         shapes: dict[str, tuple[int, ...]] = {name: (count, width) for name, width in GEOMETRY.items()}
         shapes |= {"opacity_logits": (count,), "values": (count, 2)}

@@ -7,6 +7,7 @@ from typing import Any
 
 from torch import Tensor
 
+from catalogs.vocabulary.words import joined_names
 from surrogate.deformation.bilinear import BilinearDeformation, compose
 from surrogate.deformation.offsets import Deformation, Offsets
 from surrogate.deformation.values import ValuesDeformation
@@ -28,5 +29,5 @@ def load_deformation(tensors: Mapping[str, Tensor], record: Mapping[str, Any]) -
     """The deformation of `stored()` and `record()`; raises ValueError for a kind that this version does not know."""
     kind = record["kind"]
     if not isinstance(kind, str) or kind not in READABLE:
-        raise ValueError(f"unknown deformation {kind!r}: this version knows {sorted(READABLE)}")
+        raise ValueError(f"unknown deformation {kind!r}: this version knows {joined_names(sorted(READABLE))}")
     return READABLE[kind].load(tensors, record)

@@ -21,7 +21,7 @@ import torch
 from torch import Tensor
 
 from catalogs.vocabulary.numbers import row
-from catalogs.vocabulary.words import one_line
+from catalogs.vocabulary.words import joined_names, one_line
 from surrogate.appearance.field_gaussians import AnyGaussians
 from surrogate.deformation.kernels import Factors, add_products
 from surrogate.deformation.offsets import UNITS, Deformation, Offsets
@@ -294,7 +294,9 @@ def _units(gaussians: AnyGaussians, color_columns: int) -> Tensor:
 def _checked_sizes(tensors: Mapping[str, Tensor], columns: int, kept: int) -> tuple[int, int]:
     """The numbers of modes and inputs of stored tensors; raises ValueError where their shapes do not fit together."""
     if set(tensors) != {*TENSORS}:
-        raise ValueError(f"a bilinear deformation must consist of {sorted(TENSORS)}, got {sorted(tensors)}")
+        raise ValueError(
+            f"a bilinear deformation must consist of {joined_names(sorted(TENSORS))}, got {joined_names(sorted(tensors))}"
+        )
     if tensors["latents"].ndim != 2 or tensors["weights_in"].ndim != 2:
         raise ValueError("latents and weights_in must have rows and columns")
     modes, (hidden, inputs) = tensors["latents"].shape[1], tensors["weights_in"].shape

@@ -25,7 +25,7 @@ from torch import Tensor
 from catalogs.vocabulary.appearance import TransferFunction
 from catalogs.vocabulary.numbers import row
 from catalogs.vocabulary.variations import POINT_PARAMETERS, displaced
-from catalogs.vocabulary.words import one_line
+from catalogs.vocabulary.words import joined_names, one_line
 from surrogate.appearance.field_gaussians import AnyGaussians
 from surrogate.deformation.extinction import differentiable_table, extinction_table
 from surrogate.deformation.offsets import Offsets
@@ -97,7 +97,7 @@ class ValuesDeformation:
         values = np.array(row(record["values"], count, "values"))  # [B]
         fits = set(tensors) == {"weights"} and tensors["weights"].ndim == 2
         if not fits or tensors["weights"].shape[1] != count or count < 2 or not (np.diff(values) > 0).all():
-            raise ValueError(f"weights of {count} increasing values are needed, got {sorted(tensors)}")
+            raise ValueError(f"weights of {count} increasing values are needed, got {joined_names(sorted(tensors))}")
         base = TransferFunction(**record["base"])
         steps = row(record["steps"], len(POINT_PARAMETERS), "steps")
         if len(base.opacity_points) != 4 or min(steps) <= 0.0:

@@ -12,7 +12,7 @@ from torch import Tensor
 
 from catalogs.vocabulary.appearance import TransferFunction
 from catalogs.vocabulary.variations import Variation, variation_from_json
-from catalogs.vocabulary.words import one_line
+from catalogs.vocabulary.words import joined_names, one_line
 from surrogate.appearance.field_gaussians import AnyGaussians, FieldGaussians
 from surrogate.deformation import BilinearDeformation, Deformation, compose, load_deformation
 from surrogate.deformation.values import ValuesDeformation, displaced_by
@@ -135,7 +135,9 @@ class Visualization:
         """The visualization that had these `stored()` tensors and this `record()`; raises ValueError or KeyError where it can't."""
         degree, parts = record["color_degree"], ("deformation.", "simulation.", "gaussians.")
         if degree not in (0, 1) or not all(name.startswith(parts) for name in tensors):
-            raise ValueError(f"color_degree must be 0 or 1, got {degree!r}, with tensors {sorted(tensors)}")
+            raise ValueError(
+                f"color_degree must be 0 or 1, got {degree!r}, with tensors {joined_names(sorted(tensors))}"
+            )
         of_vis, of_sim = record["deformation"], record["simulation"]
         of_own, own, lighting = part_of(tensors, "gaussians"), None, record.get("lighting")
         if of_own or "lighting" in record:

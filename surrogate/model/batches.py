@@ -66,7 +66,9 @@ def paired(rows: Sequence[Row], cameras: Camera | Sequence[Camera]) -> tuple[lis
         raise ValueError("cameras must be one or more: without any the pictures have no size")
     sizes = {(view.width, view.height) for view in views}
     if len(sizes) > 1:
-        raise ValueError(f"cameras must all have the same image size, got {sorted(sizes)}: use Camera.resized")
+        raise ValueError(
+            f"cameras must all have the same image size, got {joined_names(sorted(sizes))}: use Camera.resized"
+        )
     if len(views) != len(rows) and 1 not in (len(views), len(rows)):
         raise ValueError(f"cameras must be one, or one for each of {len(rows)} rows of parameters, got {len(views)}")
     count = len(rows) if len(views) == 1 else len(views)

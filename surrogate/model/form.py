@@ -9,6 +9,7 @@ from torch import Tensor
 
 from catalogs.vocabulary.numbers import finite, fraction, row
 from catalogs.vocabulary.parameters import ParameterSpace
+from catalogs.vocabulary.words import joined_names
 from surrogate.appearance.field_gaussians import FieldGaussians, load_gaussians
 from surrogate.deformation import Deformation, ValuesDeformation, load_deformation
 from surrogate.deformation.bilinear import FIELD_COLUMNS, BilinearDeformation
@@ -51,7 +52,7 @@ def fields_of(model: models.StoredModel) -> Fields:
         of, _, key = name.partition(".")
         with part(f"tensor {name!r}"):
             if of not in parts or not key:
-                raise ValueError(f"it must belong to one of {list(parts)}")
+                raise ValueError(f"it must belong to one of {joined_names(parts)}")
         parts[of][key] = tensor
     with part("gaussians"):
         gaussians = load_gaussians(parts["gaussians"], record.get("field"))

@@ -11,6 +11,7 @@ import torch
 from torch import Tensor
 
 from catalogs.vocabulary.cameras import Camera
+from catalogs.vocabulary.words import joined_names
 from surrogate.splatting import cpu, cuda, reference
 from surrogate.splatting.rendering import Constants, Primitives, Rendering
 
@@ -96,7 +97,7 @@ def _backend(name: str, means: Tensor) -> ModuleType:
     if name == AUTO:
         return cuda if means.is_cuda else cpu
     if name not in BACKENDS:
-        raise ValueError(f"backend must be one of {[AUTO, *sorted(BACKENDS)]}, got {name!r}")
+        raise ValueError(f"backend must be one of {joined_names([AUTO, *sorted(BACKENDS)])}, got {name!r}")
     return BACKENDS[name]
 
 

@@ -11,6 +11,8 @@ import safetensors
 import safetensors.torch
 from torch import Tensor
 
+from catalogs.vocabulary.words import joined_names
+
 BYTES = {"F32": 4, "F16": 2, "U16": 2, "U8": 1}  # of one number, by the types that models are stored in
 MOST_BYTES = 4_000_000_000  # of a file: 10 million Gaussians have some 2.5 GB
 MOST_HEADER_BYTES = 1_000_000  # a model has some fifty tensors, of 100 bytes each in the header
@@ -63,7 +65,7 @@ def _needed(header: Mapping[str, Any]) -> int:
     for name, entry in header.items():
         form, shape = (entry.get("dtype"), entry.get("shape")) if isinstance(entry, dict) else (None, None)
         if not isinstance(form, str) or form not in BYTES:
-            raise ValueError(f"tensor {name!r} must be of a type among {sorted(BYTES)}, got {form!r}")
+            raise ValueError(f"tensor {name!r} must be of a type among {joined_names(sorted(BYTES))}, got {form!r}")
         if not isinstance(shape, list) or not all(type(side) is int and side >= 0 for side in shape):
             raise ValueError(f"tensor {name!r} must have a shape of whole numbers, got {shape!r}")
         if math.prod(shape[1:]) > MOST_COLUMNS or (shape and shape[0] > MOST_BYTES):

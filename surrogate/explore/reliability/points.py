@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from catalogs.vocabulary.parameters import SPLITS, ParameterSpace
 from catalogs.vocabulary.variations import Variation
+from catalogs.vocabulary.words import joined_names
 from surrogate.explore.setting import Setting
 from surrogate.model import Surrogate
 
@@ -83,7 +84,7 @@ def variation_of(
     """
     of = next((v for v in variations if visualization and set(visualization) <= set(v.argument_names)), None)
     if visualization and of is None:
-        raise ValueError(f"no variation has the parameters {sorted(visualization)}")
+        raise ValueError(f"no variation has the parameters {joined_names(sorted(visualization))}")
     values = None if of is None else of.values_of(visualization, outside="allow")
     if values is not None:
         return of, values

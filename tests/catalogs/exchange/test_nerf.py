@@ -173,7 +173,7 @@ def test_a_space_gives_names_and_bounds(data: DataSet, tmp_path: Path) -> None:
         ({"names": ["a"]}, "2 params.*1 names"),
         (
             {"space": ParameterSpace((Parameter("x", 0, 1),)), "names": None},
-            r"2 params, the parameter space 1: \['x'\]",
+            r"2 params, the parameter space 1: x",
         ),
         ({"space": ParameterSpace((Parameter("x", 0, 1), Parameter("y", 0, 1)))}, "contradict"),
         ({"validation_members": 12}, "12 validation members leave no training member"),

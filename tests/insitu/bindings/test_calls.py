@@ -70,7 +70,7 @@ def test_several_fields_go_by_their_names(tmp_path: Path, monkeypatch) -> None:
     calls.render(0.0)
     assert [*seen[0]] == ["q", "speed"]
     assert set_field(calls, "p") == FAILED
-    assert calls.error == "ValueError: field 'p' is shown by no appearance of the scene: they show ['q', 'speed']"
+    assert calls.error == "ValueError: field 'p' is shown by no appearance of the scene: they show q, speed"
     assert set_field(calls, "q") == DONE
     assert set_field(calls, "speed", shape=(5, 6, 4)) == FAILED
     assert "'speed' has the shape (5, 6, 4), but 'q' (6, 5, 4)" in calls.error

@@ -93,7 +93,7 @@ DAMAGE = [
     (put("rasterizer", "alpha_cap", 1.0), "rasterizer: alpha_floor and alpha_cap"),
     (put("rasterizer", "alpha_floor", "0"), "rasterizer: alpha_floor must be a finite number"),
     (put("rasterizer", "backend", "os.system"), "rasterizer: backend must be one of"),
-    (put("rasterizer", "speed", 3), "rasterizer: unknown values \\['speed'\\]"),
+    (put("rasterizer", "speed", 3), "rasterizer: unknown values speed"),
     (put("background", [0.0, 2.0, 0.0]), "background: a colour must lie in"),
     (put("background", "red"), "background: it must be 3 numbers"),
     (drop("background"), "background: 'background' is missing"),
