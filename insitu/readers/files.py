@@ -16,13 +16,14 @@ from numpy.typing import NDArray
 from insitu.fields.field import Field
 from insitu.fields.location import FieldLocation
 from insitu.readers import vtk_files
-from insitu.readers.arrays import Arrays, StoredArray, check_room, is_store, open_arrays
+from insitu.readers.arrays import Arrays, StoredArray, check_room, is_store
 from insitu.readers.attributes import auxiliaries, wanted_array
 from insitu.readers.codes import reader_of
 from insitu.readers.folders import is_folder_file
 from insitu.readers.gzip_files import unpacked
 from insitu.readers.placement import placed_field
 from insitu.readers.reader import Reader, Sampling
+from insitu.readers.time_axes import open_in_time
 from render.datasets import to_grid
 from render.xarray_fields import SAME, axis_order
 
@@ -95,7 +96,7 @@ def read_data(
         if path.suffix == ".npz":
             return _packed(path, array, location)
         if is_store(path):
-            with open_arrays(path) as arrays:
+            with open_in_time(path) as arrays:
                 return placed_field(arrays, volume(arrays, array), location=location)
         if _given(location):
             raise ValueError("VTK files say where their values lie: leave spacing, origin and dims out")

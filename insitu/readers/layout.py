@@ -276,24 +276,16 @@ def _own_units(mapped: FileMapping, arrays: Sequence[StoredArray]) -> tuple[str,
 
 def _separate(arrays: Arrays, mapped: FileMapping) -> EnsembleLayout | None:
     """The layout where members lie apart; None where no array could be one's field."""
-    aside = auxiliaries(arrays)
-    held = [a for a in arrays.arrays.values() if a.name not in aside]
-    volumes = [a for a in held if a.is_real and len(a.shape) == 3 and min(a.shape) >= 2]
-    groups: dict[str, list[StoredArray]] = {}
-    for array in volumes:
-        groups.setdefault(array.group, []).append(array)
+    groups = _volumes_by_group(arrays)
+    volumes = [array for held in groups.values() for array in held]
     if len(groups) > 1:
-        common = [
-            n
-            for n in (a.stem for a in next(iter(groups.values())))
-            if all(n in {a.stem for a in g} for g in groups.values())
-        ]
+        common = common_fields(arrays)
         fields = tuple(mapped.fields) or tuple(common)
         if not fields or not set(fields) <= set(common):
             return None
         if len(fields) > 1 and not mapped.fields:
             raise asking(arrays, [f"--array, which of {joined_names(fields)} is the field"])
-        members = sorted(groups, key=_natural)
+        members = list(groups)
         places = tuple(MemberPlace(f"{group}/") for group in members)
         of = [
             {**arrays.attrs.get(g, {}), **_single_values(arrays, g), **_only(groups[g], fields[0]).attrs}
@@ -311,6 +303,24 @@ def _separate(arrays: Arrays, mapped: FileMapping) -> EnsembleLayout | None:
     return EnsembleLayout(
         fields, places, tuple(mapped.names) or names, values, tuple(mapped.units) or ("",) * len(names)
     )
+
+
+def _volumes_by_group(arrays: Arrays) -> dict[str, list[StoredArray]]:
+    """The arrays that could be fields, by group in the order of their numbers."""
+    aside = auxiliaries(arrays)
+    groups: dict[str, list[StoredArray]] = {}
+    for array in arrays.arrays.values():
+        if array.name not in aside and array.is_real and len(array.shape) == 3 and min(array.shape) >= 2:
+            groups.setdefault(array.group, []).append(array)
+    return {group: groups[group] for group in sorted(groups, key=_natural)}
+
+
+def common_fields(arrays: Arrays) -> dict[str, list[StoredArray]]:
+    """By name in their groups the fields that all of several groups have, one of each; none where the fields lie in one group."""
+    groups = _volumes_by_group(arrays)
+    stems = [{array.stem: array for array in held} for held in groups.values()]
+    names = [name for name in stems[0] if all(name in held for held in stems)] if len(stems) > 1 else []
+    return {name: [held[name] for held in stems] for name in names}
 
 
 def _only(held: Sequence[StoredArray], stem: str) -> StoredArray:

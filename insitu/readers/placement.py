@@ -64,14 +64,24 @@ def place_of(arrays: Arrays, array: StoredArray, names: Sequence[str], location:
 
 def axis_names(arrays: Arrays, array: StoredArray) -> tuple[str, ...]:
     """Names of all axes: their own, else those that an attribute lists ("member,z,y,x"), else z, y, x for the last three."""
+    names = stated_axes(arrays, array)
+    if all(array.dims[-3:]) or sorted(name.lower() for name in names[-3:]) == sorted(AXES):
+        return (*array.dims[:-3], *names[-3:])
+    return (*array.dims[:-3], "z", "y", "x")
+
+
+def stated_axes(arrays: Arrays, array: StoredArray) -> tuple[str, ...]:
+    """Names of all axes: their own, else those that an attribute lists, else ""."""
     if all(array.dims[-3:]):
         return array.dims
     about = attributes_about(arrays, array)
     for key in ORDERS:
-        words = re.findall(r"\w+", ",".join(map(as_text, np.atleast_1d(about.get(key, "")))))[: len(array.shape)]
+        words = re.findall(r"\w+", ",".join(map(as_text, np.atleast_1d(about.get(key, "")))))
+        if len(words) >= len(array.shape):
+            return tuple(words[: len(array.shape)])
         if sorted(w.lower() for w in words[-3:]) == sorted(AXES):
             return (*array.dims[:-3], *words[-3:])
-    return (*array.dims[:-3], "z", "y", "x")
+    return array.dims
 
 
 def _filled(

@@ -32,12 +32,13 @@ from catalogs.vocabulary.scene import PlannedMember
 from catalogs.vocabulary.words import joined_names
 from insitu.fields.field import Field
 from insitu.fields.location import FieldLocation
-from insitu.readers.arrays import HDF5, NETCDF, Arrays, LabelledArray, StoredArray, open_arrays
+from insitu.readers.arrays import HDF5, NETCDF, Arrays, LabelledArray, StoredArray
 from insitu.readers.attributes import TIME, as_text, attributes_about, bounds_about, splits_of
 from insitu.readers.identity import contents
 from insitu.readers.layout import EnsembleLayout, FileMapping, find_layout
 from insitu.readers.placement import axis_names, place_of, placed_field
 from insitu.readers.tables import Bounds, bounded_space
+from insitu.readers.time_axes import open_in_time
 from render.xarray_fields import axis_order
 
 
@@ -90,7 +91,7 @@ class StoredEnsemble:
         Raises FileNotFoundError, or ValueError naming the file and what is missing or wrong in it.
         """
         path = Path(path)
-        with open_arrays(path) as arrays:
+        with open_in_time(path) as arrays:
             try:
                 return _described(cls, arrays, path, mapped, spacing, origin, bounds or {})
             except ValueError as error:
@@ -151,7 +152,7 @@ class StoredEnsemble:
         """The fields of one member by name, (z, y, x); IndexError out of range, ValueError on damaged data."""
         if not 0 <= index < len(self):
             raise IndexError(f"{self.path} has members 0 to {len(self) - 1}, not {index}")
-        with open_arrays(self.path) as arrays:
+        with open_in_time(self.path) as arrays:
             try:
                 return {name: self._field(arrays, name, index) for name in self.fields}
             except (KeyError, ValueError) as error:

@@ -4,31 +4,41 @@ from __future__ import annotations
 
 import math
 import warnings
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
-from insitu.readers.arrays import Arrays, StoredArray, is_store, open_arrays
-from insitu.readers.attributes import wanted_array
-from insitu.readers.layout import FileMapping, find_layout, stacked_fields
+import numpy as np
+
+from insitu.readers.arrays import Arrays, StoredArray, is_store
+from insitu.readers.attributes import attributes_about, wanted_array
+from insitu.readers.layout import FileMapping, common_fields, find_layout, stacked_fields
+from insitu.readers.placement import SPACINGS, axis_names
 from insitu.readers.reader import Reader, Sampling, StoredState
+from insitu.readers.time_axes import open_in_time
+
+ENCODING = {"scale_factor", "add_offset", "_FillValue", "missing_value", "valid_range", "valid_min", "valid_max"}
 
 
 def records(
     path: Path, sampling: Sampling, fields: Sequence[str] = (), units: dict[str, str] | None = None
 ) -> list[StoredState]:
-    """The states of a file: one for each index of the first axes of `fields`, by default of all that have more than three.
+    """The states of a file: one for each index of the first axes of `fields`, or for each of several groups that have them.
 
+    Without `fields` they are all arrays that have more than three axes, or that all groups have.
     `units` of what states say are those of the first file; another file's that differ give one warning.
     """
-    with open_arrays(path) as arrays:
+    with open_in_time(path) as arrays:
         held = _fields(arrays, fields)
-        if not held:
+        apart = () if held else _apart(arrays, fields)
+        if not held and not apart:
             return [StoredState()]
         try:
-            layout = find_layout(arrays, FileMapping(tuple(array.name for array in held)))
+            layout = find_layout(arrays, FileMapping(tuple(fields) if apart else tuple(array.name for array in held)))
         except ValueError:
-            if math.prod(held[0].shape[:-3]) == 1:
+            if held and math.prod(held[0].shape[:-3]) == 1:
                 return [StoredState((0,) * (len(held[0].shape) - 3))]
             raise
     known = {} if units is None else units
@@ -39,8 +49,8 @@ def records(
             )
             warnings.warn(message, stacklevel=2)
     return [
-        StoredState(place.index, dict(zip(layout.names, map(float, row), strict=True)))
-        for place, row in zip(layout.places, layout.values, strict=True)
+        StoredState((number,) if apart else place.index, dict(zip(layout.names, map(float, row), strict=True)))
+        for number, (place, row) in enumerate(zip(layout.places, layout.values, strict=True))
     ]
 
 
@@ -49,8 +59,9 @@ def has_states(path: Path, fields: Sequence[str] = ()) -> bool:
     if not is_store(path):
         return False
     try:
-        with open_arrays(path) as arrays:
-            return any(math.prod(array.shape[:-3]) > 1 for array in _fields(arrays, fields))
+        with open_in_time(path) as arrays:
+            held = _fields(arrays, fields)
+            return any(math.prod(array.shape[:-3]) > 1 for array in held) or bool(not held and _apart(arrays, fields))
     except (ValueError, OSError):
         return False
 
@@ -66,10 +77,57 @@ def _fields(arrays: Arrays, names: Sequence[str]) -> list[StoredArray]:
     return [array for array in found if array is not None and array.is_real and len(array.shape) > 3]
 
 
+def _apart(arrays: Arrays, names: Sequence[str]) -> tuple[str, ...]:
+    """The fields that each of several groups has, each group a state; () where one of `names` is a single array."""
+    common = common_fields(arrays)
+    if not set(names) <= set(common) or any(wanted_array(arrays, name) for name in names):
+        return ()
+    return tuple(common)
+
+
+@contextmanager
+def opens(path: Path) -> Iterator[Arrays]:
+    """The arrays of a file; those of several groups as one, (state, z, y, x), in place of the first group's.
+
+    Raises ValueError where groups of one field lie in different places.
+    """
+    with open_in_time(path) as arrays:
+        if stacked_fields(arrays):
+            yield arrays
+            return
+        held = dict(arrays.arrays)
+        for same in common_fields(arrays).values():
+            for array in same:
+                del held[array.name]
+            held[same[0].name] = _stacked(arrays, same)
+        yield Arrays(held, arrays.attrs)
+
+
+def _stacked(arrays: Arrays, same: Sequence[StoredArray]) -> StoredArray:
+    first = same[0]
+    attrs = {key: value for key, value in first.attrs.items() if key not in ENCODING}  # which `read` has undone
+
+    def fetch(index: tuple[int, ...]) -> Any:
+        chosen = same[index[0]]
+        if (chosen.shape, _place(arrays, chosen)) != (first.shape, _place(arrays, first)):
+            raise ValueError(f"{chosen.name} has other axes than {first.name}: save each group as a file")
+        return chosen.read(index[1:])
+
+    return StoredArray(first.name, (len(same), *first.shape), first.dtype, ("state", *first.dims), attrs, fetch)
+
+
+def _place(arrays: Arrays, array: StoredArray) -> tuple[object, ...]:
+    """The same for arrays whose values lie in the same places, by coordinates and attributes."""
+    along = (arrays.coordinate(array, name) for name in axis_names(arrays, array))
+    about = attributes_about(arrays, array)
+    stated = (np.asarray(about.get(key, ())).tolist() for key in (*SPACINGS, "origin", "dx", "dy", "dz"))
+    return (array.dims, *(None if held is None else held.read().tobytes() for held in along), *map(str, stated))
+
+
 READER = Reader(
     "store",
     "HDF5, netCDF or Zarr with several times, or other members, each",
     lambda path: False,
     records,
-    opens=open_arrays,
+    opens=opens,
 )
