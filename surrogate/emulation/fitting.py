@@ -14,7 +14,7 @@ from surrogate.appearance.scale import ValueScale
 from surrogate.emulation import storage
 from surrogate.emulation.components import Array, Components, products_of
 from surrogate.emulation.processes import Processes
-from surrogate.emulation.validation import TINY, LeftOut, needed
+from surrogate.emulation.validation import TINY, LeftOut, needed, residual_of
 
 FEWEST = 3  # members
 FARTHEST = 8.0  # samples from a hole's surface, beyond which distances say nothing
@@ -121,7 +121,8 @@ class _Fit:
         """Those of the emulator; standard deviations are made to hold at `places`."""
         combinations = self.components.combinations[:, : self.count]  # [M, K]
         left_out = LeftOut.of(members.points, self.products, self.processes, self.count)
-        residual = left_out.residual(self.differences, self.products, combinations)
+        tails = left_out.tails(self.products, combinations)
+        residual = residual_of(tails, self.differences)
         modes = combinations.T.astype(np.float32) @ self.differences  # [K, V]
         processes = storage.rounded(self.processes.first(self.count))
         error = float(np.exp(np.log(left_out.squared(self.products) / len(self.mean) + np.finfo(float).tiny).mean()))
@@ -135,7 +136,7 @@ class _Fit:
         return {
             "processes": processes,
             **storage.decoded(encodings),
-            "factor": left_out.factor(differences, residual[places]),
+            "factor": left_out.factor(differences, tails),
             "errors": np.sqrt((missed**2).mean(1)).astype(np.float32).astype(np.float64),
             "spread": float(members.fields[:, places].std(dtype=np.float64)),
             "scale": self.scale,

@@ -42,11 +42,12 @@ def encodings_of(
     added = steps**2 / 12.0 * strengths  # [K]
     weak = np.cumsum(added[::-1])[::-1] <= ROUNDING * error  # [K]
     fine = int(len(weak) - weak.sum())
+    rounding = added[fine:].sum()
     found = {
         "mean": encode(_tensor(mean), "uint16"),
         FINE: encode(_tensor(modes[:fine].T), "uint16"),
         COARSE: encode(_tensor(modes[fine:].T), "uint8"),
-        "residual": encode(_tensor(residual), "uint8"),
+        "residual": encode(_tensor(np.sqrt(residual.astype(np.float64) ** 2 + rounding)), "uint16"),
     }
     if solid is not None:
         bits = torch.from_numpy(np.packbits(solid))

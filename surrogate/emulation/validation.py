@@ -62,30 +62,33 @@ class LeftOut:
         """The sum of squared errors of each member, (M,)."""
         return np.maximum(np.einsum("im,ml,il->i", self.remainders, products, self.remainders, optimize=True), 0.0)
 
-    def residual(self, differences: NDArray[np.float32], products: Array, combinations: Array) -> NDArray[np.float32]:
-        """The root of the mean squared error (V,) that the components of `combinations` (M, K) can't express."""
-        inside = (self.remainders @ products @ combinations) @ combinations.T  # [M, M]
-        tail = (self.remainders - inside).astype(np.float32)
-        found = np.empty(differences.shape[1], dtype=np.float32)
-        for start in range(0, len(found), PIECE):
-            piece = (tail @ differences[:, start : start + PIECE]).astype(np.float64)  # [M, piece]
-            found[start : start + PIECE] = np.sqrt((piece**2).mean(0))
-        return found
+    def tails(self, products: Array, combinations: Array) -> Array:
+        """The part (M, M) of the remainders that the components of `combinations` (M, K) can't express."""
+        return self.remainders - (self.remainders @ products @ combinations) @ combinations.T
 
-    def factor(self, differences: Array, residual: NDArray[np.float32]) -> float:
+    def factor(self, differences: Array, tails: Array) -> float:
         """The factor on standard deviations with which nine tenths of the errors at places (M, N) lie in 90 % intervals.
 
-        Of M members one more is expected to have the errors of the M + 1 - quantile (conformal prediction, Vovk et al. 2005).
+        Each member's own tail is left out of the mean square of the tails that its errors are compared with.
         """
         errors = np.abs(self.remainders @ differences)  # [M, N]
-        rest = residual.astype(np.float64) ** 2  # [N]
+        squares = (tails @ differences) ** 2  # [M, N]
+        others = (squares.sum(0) - squares) / (len(errors) - 1)  # [M, N]
         ratios = np.zeros_like(errors)
         for member, (combined, spreads) in enumerate(zip(self.components, self.deviations, strict=True)):
             components = combined @ differences  # [K, N]
-            expected = np.sqrt(spreads**2 @ components**2 + rest)  # [N]
+            expected = np.sqrt(spreads**2 @ components**2 + np.maximum(others[member], 0.0))  # [N]
             ratios[member] = np.divide(errors[member], expected, out=np.zeros_like(expected), where=expected > 0.0)
-        share = min(1.0, SHARE * (1.0 + 1.0 / len(errors)))
-        return float(np.quantile(ratios, share)) / NORMAL
+        return float(np.quantile(ratios, SHARE)) / NORMAL
+
+
+def residual_of(tails: Array, differences: NDArray[np.float32]) -> NDArray[np.float32]:
+    """The root mean square (V,) of tails (M, M) of the members' differences (M, V)."""
+    found = np.empty(differences.shape[1], dtype=np.float32)
+    for start in range(0, len(found), PIECE):
+        piece = (tails.astype(np.float32) @ differences[:, start : start + PIECE]).astype(np.float64)  # [M, piece]
+        found[start : start + PIECE] = np.sqrt((piece**2).mean(0))
+    return found
 
 
 def needed(coefficients: Array, left_out: Array) -> int:
