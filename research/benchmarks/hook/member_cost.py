@@ -4,7 +4,8 @@
     [--for 10000] [--cores 200]
 
 Renders members of an analytic field from 252 viewpoints into a temporary folder, in one process with one thread, and
-prints a table. It also extrapolates to an ensemble on many cores at the same cost per member. Takes minutes.
+prints a table. It also extrapolates to an ensemble on many cores at the same cost per member. A second table has the
+share of the coarse fields in that. Takes minutes.
 """
 
 from __future__ import annotations
@@ -14,14 +15,18 @@ import resource
 import statistics
 import tempfile
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from catalogs.store.coarse import CoarseField, coarse_bytes
 from catalogs.vocabulary.appearance import TransferFunction, VolumeRendering
 from catalogs.vocabulary.scene import ViewPlan
+from insitu.fields.member_fields import Fields
 from insitu.hook.session import Session
+from render.datasets import to_grid
 from research.benchmarks.page import command_line, table
 from research.benchmarks.timing import digits, processor_seconds
 
@@ -36,11 +41,21 @@ DAY = 86400.0  # seconds
 
 @dataclass(frozen=True)
 class Cost:
-    """Cost of a member: processor seconds, bytes and files on disk."""
+    """Cost of a member: processor seconds, bytes and files on disk, and the bytes of its coarse field among them."""
 
     seconds: float
     bytes: int
     files: int
+    field_bytes: int
+
+
+@dataclass(frozen=True)
+class CoarseCost:
+    """Cost of a member's coarse field: its samples, and seconds of processor time to average and to encode them."""
+
+    shape: tuple[int, ...]
+    averaging: float
+    encoding: float
 
 
 def waves(size: int, phase: float) -> NDArray[np.float32]:
@@ -67,8 +82,19 @@ def measure(size: int, pixels: int, members: int, folder: Path) -> Cost:
 
             seconds, (result,) = processor_seconds(render), session.results[-1:]
             files = [path for path in result.path.rglob("*") if path.is_file()]
-            costs.append(Cost(seconds, sum(f.stat().st_size for f in files), len(files)))
+            costs.append(Cost(seconds, sum(f.stat().st_size for f in files), len(files), result.sizes.fields))
     return Cost(*(statistics.median(getattr(cost, name) for cost in costs[1:]) for name in Cost.__annotations__))
+
+
+def measure_coarse(size: int, members: int) -> CoarseCost:
+    """Medians over `members` fields after a first one."""
+    costs = []
+    for number in range(members + 1):
+        fields, coarse = Fields({"": to_grid(waves(size, number), spacing=2.0 / (size - 1))}), dict[str, CoarseField]()
+        averaging = processor_seconds(partial(lambda f, c: c.update(f.coarse([""])), fields, coarse))
+        costs.append((averaging, processor_seconds(partial(coarse_bytes, coarse))))
+    averaging, encoding = (statistics.median(column) for column in zip(*costs[1:], strict=True))
+    return CoarseCost(coarse[""].values.shape, averaging, encoding)
 
 
 def main() -> None:
@@ -80,10 +106,23 @@ def main() -> None:
     parser.add_argument("--cores", type=int, default=200, help="cores to extrapolate to")
     arguments = parser.parse_args()
     os.environ["LP_NUM_THREADS"] = "1"
-    rows = []
+    rows, coarse_rows = [], []
     for size in arguments.sizes:
         with tempfile.TemporaryDirectory() as scratch:
             cost = measure(size, arguments.pixels, arguments.members, Path(scratch) / "a.cdb")
+        coarse = measure_coarse(size, arguments.members)
+        seconds = coarse.averaging + coarse.encoding
+        coarse_rows.append(
+            [
+                f"{size}³",
+                " x ".join(map(str, coarse.shape[::-1])),
+                f"{digits(1e3 * coarse.averaging)} ms",
+                f"{digits(1e3 * coarse.encoding)} ms",
+                f"{digits(100 * seconds / cost.seconds)} %",
+                f"{digits(cost.field_bytes / 1e6)} MB",
+                f"{digits((cost.bytes - cost.field_bytes) / 1e6)} MB",
+            ]
+        )
         total = arguments.ensemble * cost.seconds
         rows.append(
             [
@@ -101,6 +140,16 @@ def main() -> None:
     ensemble = f"{arguments.ensemble:,} members"
     head = ["samples", "processor time", "memory of the process", "disk", "files", f"{ensemble}: processor time"]
     print(table([*head, f"on {arguments.cores} cores", "disk", "files"], rows))
+    head = [
+        "samples",
+        "coarse field",
+        "averaging",
+        "encoding",
+        "share of the member's time",
+        "its bytes",
+        "all others'",
+    ]
+    print(table(head, coarse_rows))
 
 
 if __name__ == "__main__":
