@@ -8,6 +8,7 @@ from catalogs.commands import Commands
 from catalogs.version import version_option
 from insitu.commands.dataset import dataset
 from insitu.commands.ensemble import ensemble
+from insitu.commands.estimate import estimate
 from insitu.commands.library import library
 from insitu.commands.probe import probe
 from insitu.commands.watch import watch
@@ -19,5 +20,5 @@ def main() -> None:
     """Render simulations while they run, into Cinema databases."""
 
 
-for command in (dataset, ensemble, watch, probe, library):
+for command in (dataset, estimate, ensemble, watch, probe, library):
     main.add_command(command)

@@ -1,0 +1,25 @@
+"""`insitu estimate`: what a scene's data set will take."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from insitu.commands.shell import NAMED_FILE, command
+
+
+@click.command()
+@click.argument("scene", type=NAMED_FILE)
+def estimate(scene: Path) -> None:
+    """Estimate the size of the data set of SCENE (a TOML file).
+
+    Makes the field of one member and draws 12 views, in a temporary folder.  Images and fields stand side by side.
+    """
+    with command() as line:
+        from catalogs.vocabulary.scene import Scene
+        from insitu.ensembles.estimate import estimate
+
+        result = estimate(Scene.load(scene))
+        line.close()
+        click.echo(str(result))
