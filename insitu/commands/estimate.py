@@ -1,4 +1,4 @@
-"""`insitu estimate`: what a scene's data set will take."""
+"""`insitu estimate`: the size of a scene's data set."""
 
 from __future__ import annotations
 

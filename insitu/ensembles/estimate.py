@@ -1,4 +1,4 @@
-"""What a scene's data set will take, from a few images of one of its members."""
+"""The size of a scene's data set, estimated from a few images of one of its members."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from insitu.members.planning import PlanOptions
 
 @dataclass(frozen=True)
 class Estimate:
-    """What the members of a scene take, on one core.
+    """Size of all members of a scene, and their cost on one core.
 
     Attributes
     ----------

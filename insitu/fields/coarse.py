@@ -9,14 +9,17 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from math import prod
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import sparse
 
 from catalogs.store.coarse import MOST_SAMPLES, CoarseField
 from insitu.fields.summarize import FieldPart, slabs
 from insitu.mpi.ranks import SINGLE, RankGroup
+
+if TYPE_CHECKING:
+    from scipy import sparse
 
 AXIS = round(MOST_SAMPLES ** (1 / 3))  # samples up to which an axis keeps its own
 ROUNDING = 1e-9
@@ -84,6 +87,8 @@ def coarsened(part: FieldPart, ranks: RankGroup = SINGLE) -> CoarseField | None:
 
 def axis_weights(samples: int, coarse: int) -> sparse.csc_array:
     """The weights (coarse, samples) of an axis's samples in its coarse ones, each row's sum 1; unit weights for equal numbers."""
+    from scipy import sparse  # not needed where nothing is rendered
+
     if samples == coarse:
         return sparse.csc_array(sparse.eye_array(samples))
     cell = (samples - 1) / (coarse - 1)
@@ -113,6 +118,8 @@ def _weighed(
 
     Works through the part in slabs, so that its extra memory does not grow with the field.
     """
+    from scipy import sparse
+
     own = [w[:, a:b] for w, a, b in zip(weights, part.start.tolist(), part.stop.tolist(), strict=True)]
     rows = [np.unique(w.indices) for w in own]
     if not all(map(len, rows)):
