@@ -1,4 +1,4 @@
-"""What a data set will take is estimated before it is made, and what it took is not far from that."""
+"""A data set is estimated before it is made, and took not far from that in the end."""
 
 from __future__ import annotations
 
