@@ -11,7 +11,7 @@ from catalogs.store.catalog import Catalog, CatalogPlan
 from catalogs.store.splits import ordered_names, runs_of, shared_runs
 from catalogs.vocabulary.appearance import Appearance, Isosurface, VolumeRendering, field_of
 from catalogs.vocabulary.variations import Variation
-from catalogs.vocabulary.words import shortened
+from catalogs.vocabulary.words import joined_names, shortened
 from surrogate.evaluation.cases import Case, base_cells
 from surrogate.evaluation.predictor import SurrogatePredictor
 from surrogate.evaluation.scoring import mean, score_cases, spread
@@ -92,12 +92,28 @@ def members_line(catalog: Catalog) -> str:
     return f"{text}; {UNKNOWN}" + (f" ({HOLD_OUT})" if len(members) >= FEWEST else "")
 
 
+def absent_line(catalog: Catalog, appearance: str) -> str:
+    """Numbers of members that failed, are unfinished, or do not show the learnt appearance, and the remedy; "" without any."""
+    lacking = sum(appearance not in member.appearances for member in catalog.members)
+    counts = {
+        "missing": len(catalog.missing),
+        "unfinished": len(catalog.unfinished()),
+        f"without images of {appearance}": lacking,
+    }
+    said = joined_names(f"{count} {what}" for what, count in counts.items() if count)
+    if not any(counts.values()):
+        return ""
+    return (
+        f"not all members of {catalog.path} are there to learn from ({said}): to finish them, run the command that rendered "
+        f"them again; `catalogs show {catalog.path}` lists them"
+    )
+
+
 def starting(source: Source) -> Iterator[str]:
     """Sentences on what a training can't learn from its catalog, or that tests it less than it seems to."""
     catalog, space = source.catalog, source.catalog.plan.space
     members = [m for m in catalog.members if m.split == "train" and source.appearance in m.appearances]
-    if text := tests_line(catalog):
-        yield text
+    yield from filter(None, (tests_line(catalog), absent_line(catalog, source.appearance)))
     if len(members) < FEW and len(space):
         yield (
             f"{len(members)} member{'s' * (len(members) != 1)} for training: a surrogate of so few can at best blend between them; "

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 import torch
 
+from catalogs.files.images import ImageError
 from catalogs.store.catalog import Catalog
 from catalogs.vocabulary.variations import Variation
 from surrogate.gaussians import Normalization
@@ -46,6 +47,27 @@ def test_a_catalog_without_training_images_is_refused(make_catalog) -> None:
     catalog = make_catalog(members=(("test", 0.0),), view_splits=VIEWS)
     with pytest.raises(ValueError, match="holds no training images"):
         training_rows(catalog, ["drawn"])
+
+
+def test_a_damaged_image_is_named_and_never_learnt_from(make_catalog) -> None:
+    catalog = make_catalog(members=MEMBERS, view_splits=VIEWS)
+    learnt, normalization = training_rows(catalog, ["drawn"]), Normalization.of_box(catalog.plan.bounds)
+    before = [example.pixels for example in load_examples(catalog, learnt, normalization)]
+    path = catalog.image_path(learnt[1].member, "drawn", learnt[1].view)
+    whole, refused = path.read_bytes(), 0
+    for place in range(0, len(whole), max(1, len(whole) // 60)):
+        path.write_bytes(whole[:place] + bytes([whole[place] ^ 0x40]) + whole[place + 1 :])
+        try:
+            found = [example.pixels for example in load_examples(catalog, learnt, normalization)]
+        except ImageError as error:
+            refused += str(path) in str(error)
+            continue
+        for one, other in zip(before, found, strict=True):
+            np.testing.assert_array_equal(one, other)
+    assert refused > 20
+    path.unlink()
+    with pytest.raises(ImageError, match=rf"{path.name} is missing"):
+        load_examples(catalog, learnt, normalization)
 
 
 @pytest.mark.parametrize("background", [None, (1.0, 1.0, 1.0)])

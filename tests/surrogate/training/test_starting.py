@@ -9,6 +9,7 @@ import pytest
 from click.testing import CliRunner
 
 from catalogs.store.catalog import Catalog, CatalogPlan
+from catalogs.store.missing import report_missing
 from catalogs.vocabulary.appearance import ImportedImages
 from catalogs.vocabulary.parameters import Parameter, ParameterSpace
 from surrogate.cli import main
@@ -70,6 +71,31 @@ def test_a_sentence_each(
     text = said(catalog_of(tmp_path / "a.cdb", rows, blank))
     assert len(text.splitlines()) == len(expected)
     assert all(sentence in text for sentence in expected)
+
+
+def test_members_that_are_not_there_are_one_sentence(tmp_path: Path) -> None:
+    catalog = catalog_of(tmp_path / "a.cdb", MANY)
+    report_missing(catalog.path, "m8", {"p": 0.8, "q": 0.1}, "the disk was full")
+    report_missing(catalog.path, "m9", {"p": 0.9, "q": 0.1}, "the disk was full")
+    catalog.unfinished_folder("m7")
+    text = said(catalog)
+    assert "not all members of" in text
+    assert "(2 missing, 1 unfinished): to finish them, run the command that rendered them again; `catalogs show" in text
+    assert len(text.splitlines()) == 1
+
+
+def test_members_without_the_learnt_appearance_are_counted(tmp_path: Path) -> None:
+    cameras = BLOBS.cameras()[: len(VIEWS)]
+    looks = ImportedImages("drawn"), ImportedImages("again")
+    space = ParameterSpace((Parameter("p", 0.0, 1.0), Parameter("q", 0.0, 1.0)))
+    catalog = Catalog.create(tmp_path / "a.cdb", CatalogPlan(space, looks, cameras, VIEWS, BLOBS.bounds))
+    for number, (p, q) in enumerate(MANY):
+        shown = ["drawn"] if number % 3 else ["again"]
+        with catalog.begin_member(f"m{number}", {"p": p, "q": q}, appearances=shown) as writer:
+            for view, camera in enumerate(cameras):
+                writer.write_image(shown[0], view, BLOBS.picture(p, camera))
+    source = Source(TrainingSettings(appearance="drawn"), Catalog.open(catalog.path))
+    assert "(2 without images of drawn)" in "\n".join(starting(source))
 
 
 @pytest.mark.parametrize("background", [None, PURPLE])
