@@ -206,8 +206,16 @@ def replace(path: Path, data: bytes | Iterable[bytes]) -> None:
         pass
 
 
+def require_expanded(path: Path) -> None:
+    """Raise ValueError for a path that begins with `~`, which shells expand and nobody else: it would name a new folder."""
+    first = path.parts[0] if path.parts else ""
+    if first.startswith("~") and not Path(first).exists():
+        raise ValueError(f"{path} names a folder called {first}, which a shell alone replaces: write that out")
+
+
 def make_folder(path: Path) -> None:
-    """Create `path` and its missing parents, durably."""
+    """Create `path` and its missing parents, durably; raises ValueError for a path that `require_expanded` refuses."""
+    require_expanded(path)
     missing = [folder for folder in (path, *path.parents) if not folder.exists()]
     path.mkdir(parents=True, exist_ok=True)
     for folder in missing:

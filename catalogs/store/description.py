@@ -23,7 +23,11 @@ RESTORE = "restore it from a copy, or from an empty catalog of the same scene"
 
 
 def check_place(path: Path, plan: CatalogPlan | None) -> None:
-    """Raise CatalogError where no catalog of this plan can be at `path`: another ending, or something else is there."""
+    """Raise CatalogError where no catalog of this plan can be at `path`: another ending, or something else is there.
+
+    Raises ValueError for a path that begins with `~`.
+    """
+    durable.require_expanded(path)
     if path.suffix != ".cdb":
         raise CatalogError(f"a Cinema database is a folder whose name ends with .cdb, got {path}")
     if path.is_dir() and plan is not None:

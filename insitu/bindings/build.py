@@ -10,6 +10,8 @@ from importlib.resources import files
 from importlib.util import find_spec
 from pathlib import Path
 
+from catalogs.files import durable
+
 HEADER, MODULE, SOURCE, LIBRARY = "insitu.h", "insitu.f90", "insitu.c", "libinsitu.so"
 
 # Functions of insitu/bindings/library.py that insitu.c calls.
@@ -64,7 +66,7 @@ def build(folder: Path) -> list[Path]:
         extra_link_args=[f"-Wl,-rpath,{where}", "-pthread"],
         library_dirs=[where],
     )
-    folder.mkdir(parents=True, exist_ok=True)
+    durable.make_folder(folder)
     with tempfile.TemporaryDirectory(dir=folder) as scratch:
         Path(scratch, HEADER).write_text(sources[HEADER])
         try:

@@ -50,7 +50,7 @@ class StoredModel:
     def save(self, directory: str | os.PathLike[str]) -> None:
         """Write the tensors and then the record, which makes it a model, into `directory`."""
         directory = Path(directory)
-        directory.mkdir(parents=True, exist_ok=True)
+        durable.make_folder(directory)
         content, record = self.contents()
         durable.replace(directory / TENSORS, content)
         durable.replace(directory / RECORD, record)

@@ -10,6 +10,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
+from catalogs.files import durable
 from catalogs.store.catalog import Catalog
 from surrogate.settings import TrainingSettings
 from surrogate.storage import models
@@ -93,7 +94,7 @@ def begin(
     first = TrainingSettings.from_table(options.settings)
     seen = with_chosen_splits(catalog, first, options.hold_out, first.seed)
     require_possible(Source(first, seen, ranks), folder)
-    ranks.by_first(lambda: folder.mkdir(parents=True, exist_ok=True))
+    ranks.by_first(lambda: durable.make_folder(folder))
     try:
         with ExitStack() as locks:
             ranks.by_first(lambda: locks.enter_context(locked(folder)))

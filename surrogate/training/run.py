@@ -17,6 +17,7 @@ from pathlib import Path
 
 import torch
 
+from catalogs.files import durable
 from catalogs.store.catalog import Catalog
 from surrogate.model import Surrogate
 from surrogate.provenance import code, commit
@@ -71,7 +72,7 @@ def train(
 
 def _claimed(directory: Path, mark: str, locks: ExitStack) -> tuple[bool, Checkpoint | None]:
     """Lock the folder as long as `held`; whether its surrogate is finished, else the checkpoint there."""
-    directory.mkdir(parents=True, exist_ok=True)
+    durable.make_folder(directory)
     locks.enter_context(locked(directory))
     if Surrogate.exists(directory):
         return True, None

@@ -8,11 +8,13 @@ import os
 import shutil
 import socket
 import time
+from functools import partial
 from pathlib import Path
 
 import pytest
 
 from catalogs.files import durable
+from catalogs.store.description import check_place
 
 
 def test_a_failed_replacement_leaves_the_old_contents_and_nothing_else(
@@ -195,3 +197,18 @@ def test_a_committed_folder_appears_whole(tmp_path: Path) -> None:
     durable.commit_folder(partial, tmp_path / "member")
     assert (tmp_path / "member/deep/a").read_text() == "1"
     assert not partial.exists()
+
+
+@pytest.mark.parametrize("path", ["~", "~/x.cdb", "~nobody/x.cdb"])
+def test_a_tilde_makes_no_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, path: str) -> None:
+    """In whatever makes folders: catalogs, members' places, models."""
+    monkeypatch.chdir(tmp_path)
+    message = rf"{path} names a folder called {path.partition('/')[0]}, which a shell alone replaces: write that out"
+    for refused in (durable.make_folder, durable.require_writable, partial(check_place, plan=None)):
+        with pytest.raises(ValueError, match=message):
+            refused(Path(path))
+    assert not any(tmp_path.iterdir())
+    (tmp_path / path.partition("/")[0]).mkdir()  # somebody wants it so
+    durable.make_folder(Path(path))
+    assert (tmp_path / path).is_dir()
+    durable.make_folder(Path("a~b"))
