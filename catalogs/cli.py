@@ -91,9 +91,9 @@ def merge(into: Path, sources: tuple[Path, ...]) -> None:
     from catalogs.tools.merge import merge as run
 
     with _progress() as line:
-        made = run(into, sources, progress=partial(line.count, unit="members"))
-    copied = f"; {made.copied} images were copied, not linked" if made.copied else ""
-    click.echo(f"{into}: {made.added} members added, {made.same} found in several catalogs{copied}")
+        result = run(into, sources, progress=partial(line.count, unit="members"))
+    copied = f"; {result.copied} images were copied, not linked" if result.copied else ""
+    click.echo(f"{into}: {result.added} members added, {result.same} found in several catalogs{copied}")
 
 
 @main.command()
@@ -138,9 +138,9 @@ def split(path: Path, destination: Path, rows: int) -> None:
     from catalogs.tools.split import split as run
 
     with _progress() as line:
-        made = run(path, destination, rows=rows, progress=partial(line.count, "splitting", unit="members"))
-    count, most = sum(len(shard.members) for shard in made), max(shard.rows for shard in made)
-    click.echo(f"{destination}: {count} members in {len(made)} shards of at most {most:,} rows")
+        shards = run(path, destination, rows=rows, progress=partial(line.count, "splitting", unit="members"))
+    count, most = sum(len(shard.members) for shard in shards), max(shard.rows for shard in shards)
+    click.echo(f"{destination}: {count} members in {len(shards)} shards of at most {most:,} rows")
 
 
 @main.group(name="import")
@@ -170,7 +170,7 @@ def nerf(
 
     with _progress() as line:
         box = _numbers("--bounds", bounds, 6)
-        made = import_nerf(
+        result = import_nerf(
             directory,
             catalog,
             bounds=(box[:3], box[3:]),
@@ -180,7 +180,7 @@ def nerf(
             seed=seed,
             progress=partial(line.count, "importing"),
         )
-    click.echo(repr(made))
+    click.echo(repr(result))
 
 
 @main.command()
@@ -200,7 +200,7 @@ def export(
     from catalogs.store.catalog import Catalog
 
     with _progress() as line:
-        made = run(
+        folder = run(
             Catalog.open(path),
             directory,
             kind,  # type: ignore[arg-type]
@@ -209,7 +209,7 @@ def export(
             background=None if background is None else _numbers("--background", background, 3),
             progress=partial(line.count, "exporting"),
         )
-    click.echo(f"{made}: written")
+    click.echo(f"{folder}: written")
 
 
 @main.command()

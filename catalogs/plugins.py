@@ -30,8 +30,8 @@ def package_of(name: str, group: str) -> str:
     """The package that registers a name."""
     from importlib.metadata import entry_points
 
-    found = next(iter(entry_points(group=group, name=name)), None)
-    return "another package" if found is None else found.dist.name if found.dist else found.module
+    entry = next(iter(entry_points(group=group, name=name)), None)
+    return "another package" if entry is None else entry.dist.name if entry.dist else entry.module
 
 
 def plugins(group: str) -> dict[str, Any]:

@@ -23,14 +23,14 @@ class Rate:
     """Items done per second over about the last 20 s; 0 before the second call."""
 
     def __init__(self) -> None:
-        self._seen: deque[tuple[float, int]] = deque()  # (time, done)
+        self._history: deque[tuple[float, int]] = deque()  # (time, done)
 
     def __call__(self, done: int) -> float:
         now = time.perf_counter()
-        self._seen.append((now, done))
-        while len(self._seen) > 2 and now - self._seen[0][0] > RATE_SECONDS:
-            self._seen.popleft()
-        since, before = self._seen[0]
+        self._history.append((now, done))
+        while len(self._history) > 2 and now - self._history[0][0] > RATE_SECONDS:
+            self._history.popleft()
+        since, before = self._history[0]
         return max(0.0, (done - before) / (now - since)) if now > since else 0.0
 
 
@@ -135,11 +135,11 @@ class ProgressLine:
     def _write(self) -> None:
         self._written, self._pending = time.perf_counter(), False
         if self._display is not None:
-            shown = {"text/plain": self._text}
+            bundle = {"text/plain": self._text}
             if self._handle is None:
-                self._handle = self._display(shown, raw=True, display_id=True)
+                self._handle = self._display(bundle, raw=True, display_id=True)
             else:
-                self._handle.update(shown, raw=True)
+                self._handle.update(bundle, raw=True)
             return
         if self._terminal:
             columns = shutil.get_terminal_size().columns - 1  # a longer line would wrap and could not be erased

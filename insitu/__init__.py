@@ -9,9 +9,9 @@ from importlib.util import find_spec
 from os.path import dirname
 
 for _name in ("catalogs", "render"):
-    if dirname(dirname(_found := find_spec(_name).origin)) != dirname(dirname(__file__)):
+    if dirname(dirname(_origin := find_spec(_name).origin)) != dirname(dirname(__file__)):
         raise ImportError(
-            f"{_found} hides the package `{_name}` of gs-surrogate: rename it, or keep its folder from the path "
+            f"{_origin} hides the package `{_name}` of gs-surrogate: rename it, or keep its folder from the path "
             "(python -P script.py)"
         )
 

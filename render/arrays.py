@@ -75,7 +75,7 @@ def _from_main_memory(data: Any) -> NDArray[Any]:
         return np.from_dlpack(data)
     except UNREADABLE:
         with suppress(*UNREADABLE):  # others, such as jax, know `__array__` as well, which copies
-            found = np.asarray(data)
-            if found.dtype.kind in "fiub":
-                return found
+            array = np.asarray(data)
+            if array.dtype.kind in "fiub":
+                return array
         raise

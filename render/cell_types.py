@@ -28,12 +28,12 @@ def cell_types(mesh: Any) -> NDArray[np.uint8]:
     from vtkmodules.vtkCommonCore import vtkIdTypeArray
 
     kinds = vtk_to_numpy(mesh.GetDistinctCellTypesArray())
-    found = np.full(mesh.GetNumberOfCells(), kinds[0] if len(kinds) else 0, dtype=np.uint8)
+    types = np.full(mesh.GetNumberOfCells(), kinds[0] if len(kinds) else 0, dtype=np.uint8)
     for kind in kinds[1:]:
         numbers = vtkIdTypeArray()  # VTK would add to one that is used again
         mesh.GetIdsOfCellsOfType(int(kind), numbers)
-        found[vtk_to_numpy(numbers)] = kind
-    return found
+        types[vtk_to_numpy(numbers)] = kind
+    return types
 
 
 def check_types(mesh: Any, on_cells: bool) -> None:
@@ -58,8 +58,8 @@ def check_cells(mesh: Any) -> None:
     if offsets[0] != 0 or offsets[-1] != len(corners) or (lengths < 0).any():
         raise ValueError("the cells' offsets do not follow each other: the mesh is damaged")
     faces = mesh.GetPolyhedronFaces()
-    for held in (corners, *([] if faces is None else [vtk_to_numpy(faces.GetConnectivityArray())])):
-        _check_corners(held, count)
+    for numbers in (corners, *([] if faces is None else [vtk_to_numpy(faces.GetConnectivityArray())])):
+        _check_corners(numbers, count)
     cell, types = vtkGenericCell(), cell_types(mesh)
     for kind in np.unique(types):
         cell.SetCellType(int(kind))
@@ -92,30 +92,30 @@ def straight(mesh: Any) -> Any:
     from vtkmodules.util.numpy_support import numpy_to_vtk, numpy_to_vtkIdTypeArray, vtk_to_numpy
     from vtkmodules.vtkCommonDataModel import vtkCellArray, vtkUnstructuredGrid
 
-    found = vtkUnstructuredGrid()
+    linear_mesh = vtkUnstructuredGrid()
     types = cell_types(mesh)
     if not np.isin(types, list(CURVED)).any():
-        found.CopyStructure(mesh)
-        return found
+        linear_mesh.CopyStructure(mesh)
+        return linear_mesh
     cells = mesh.GetCells()
     corners, offsets = vtk_to_numpy(cells.GetConnectivityArray()), vtk_to_numpy(cells.GetOffsetsArray())
     linear = np.array([CURVED.get(kind, kind) for kind in range(256)], dtype=np.uint8)[types]
     few = np.array([CORNERS.get(kind, 0) for kind in range(256)])[linear]
     lengths = np.where(linear != types, few, np.diff(offsets))
     within = np.arange(len(corners)) - np.repeat(offsets[:-1], np.diff(offsets))
-    kept = corners[within < np.repeat(lengths, np.diff(offsets))]
-    held = vtkCellArray()
-    held.SetData(
+    corners_of_linear = corners[within < np.repeat(lengths, np.diff(offsets))]
+    polygons = vtkCellArray()
+    polygons.SetData(
         numpy_to_vtkIdTypeArray(np.append(0, np.cumsum(lengths)).astype(np.int64), deep=True),
-        numpy_to_vtkIdTypeArray(kept.astype(np.int64), deep=True),
+        numpy_to_vtkIdTypeArray(corners_of_linear.astype(np.int64), deep=True),
     )
-    found.SetPoints(mesh.GetPoints())
+    linear_mesh.SetPoints(mesh.GetPoints())
     if (types == POLYHEDRON).any():
         faces = mesh.GetPolyhedronFaceLocations(), mesh.GetPolyhedronFaces()
-        found.SetPolyhedralCells(numpy_to_vtk(linear, deep=True), held, *faces)
+        linear_mesh.SetPolyhedralCells(numpy_to_vtk(linear, deep=True), polygons, *faces)
     else:
-        found.SetCells(numpy_to_vtk(linear, deep=True), held)
-    return found
+        linear_mesh.SetCells(numpy_to_vtk(linear, deep=True), polygons)
+    return linear_mesh
 
 
 def divided(mesh: Any) -> Any:
@@ -140,14 +140,14 @@ def divided(mesh: Any) -> Any:
     return append.GetOutput()
 
 
-def extracted(mesh: Any, kept: NDArray[np.bool_]) -> Any:
+def extracted(mesh: Any, selection: NDArray[np.bool_]) -> Any:
     """Some cells of a vtkUnstructuredGrid, with the points that they have."""
     from vtkmodules.util.numpy_support import numpy_to_vtk
     from vtkmodules.vtkCommonDataModel import vtkDataObject
     from vtkmodules.vtkFiltersCore import vtkThreshold
 
     mesh.GetCellData().RemoveArray("vtkGhostType")  # filters would act on it
-    flags = numpy_to_vtk(kept.astype(np.uint8), deep=True)
+    flags = numpy_to_vtk(selection.astype(np.uint8), deep=True)
     flags.SetName("vtkKept")
     mesh.GetCellData().AddArray(flags)
     threshold = vtkThreshold()
@@ -168,7 +168,7 @@ def centers(mesh: Any) -> NDArray[np.float64]:
     filter_.SetInputData(straight(mesh))
     filter_.CopyArraysOff()
     filter_.Update()
-    found = vtk_to_numpy(filter_.GetOutput().GetPoints().GetData()).astype(np.float64)
+    middles = vtk_to_numpy(filter_.GetOutput().GetPoints().GetData()).astype(np.float64)
     many = np.isin(cell_types(mesh), DIVIDED)
     if many.any():
         parts = divided(mesh)
@@ -179,11 +179,11 @@ def centers(mesh: Any) -> NDArray[np.float64]:
         points = vtk_to_numpy(parts.GetPoints().GetData()).astype(np.float64)
         four = points[corners[offsets[:-1][inside, None] + np.arange(4)]]  # [T, 4, 3]
         volumes = np.abs(np.linalg.det(four[:, 1:] - four[:, :1]))  # [T]
-        sums = [np.bincount(owners[inside], volumes * x, len(found)) for x in four.mean(axis=1).T]
-        whole = np.bincount(owners[inside], volumes, len(found))
-        known = many & (whole > 0)
-        found[known] = np.stack(sums, axis=1)[known] / whole[known, None]
-    return found
+        sums = [np.bincount(owners[inside], volumes * x, len(middles)) for x in four.mean(axis=1).T]
+        whole = np.bincount(owners[inside], volumes, len(middles))
+        solid = many & (whole > 0)
+        middles[solid] = np.stack(sums, axis=1)[solid] / whole[solid, None]
+    return middles
 
 
 def add_places(mesh: Any, name: str) -> bool:

@@ -31,8 +31,8 @@ def blocks(data: Any) -> Iterator[Any]:
     """The data sets with cells that a vtkCompositeDataSet holds, at any depth; of volumes and surfaces only the volumes."""
     if data.IsA("vtkOverlappingAMR"):
         data = _refined(data)
-    held = [found for block in _leaves(data) if (found := plain(block)) is not None and found.GetNumberOfCells()]
-    yield from [block for block in held if block.GetMaxSpatialDimension() == 3] or held
+    leaves = [leaf for block in _leaves(data) if (leaf := plain(block)) is not None and leaf.GetNumberOfCells()]
+    yield from [block for block in leaves if block.GetMaxSpatialDimension() == 3] or leaves
 
 
 def _leaves(data: Any) -> Iterator[Any]:
@@ -77,21 +77,21 @@ def _converted(filter_: Any, data: Any) -> Any:
     """The output of a filter, with the cell arrays of its input alone."""
     filter_.SetInputData(data)
     filter_.Update()
-    found = filter_.GetOutput()
-    held = found.GetCellData()
-    for name in [held.GetArrayName(i) for i in range(held.GetNumberOfArrays())]:
+    dataset = filter_.GetOutput()
+    attributes = dataset.GetCellData()
+    for name in [attributes.GetArrayName(i) for i in range(attributes.GetNumberOfArrays())]:
         if not data.GetCellData().HasArray(name):
-            held.RemoveArray(name)
-    return found
+            attributes.RemoveArray(name)
+    return dataset
 
 
 def ghosts(attributes: Any, flags: int) -> NDArray[np.bool_] | None:
     """Which points or cells carry any of the flags; None where none does."""
     from vtkmodules.util.numpy_support import vtk_to_numpy
 
-    held = attributes.GetArray("vtkGhostType")
-    found = None if held is None else (vtk_to_numpy(held) & flags) != 0
-    return found if found is not None and found.any() else None
+    array = attributes.GetArray("vtkGhostType")
+    flags_set = None if array is None else (vtk_to_numpy(array) & flags) != 0
+    return flags_set if flags_set is not None and flags_set.any() else None
 
 
 def absent_cells(data: Any, flags: int) -> NDArray[np.bool_] | None:
@@ -167,16 +167,16 @@ def edges_along_axes(mesh: Any, share: float) -> NDArray[np.float64]:
     lengths = np.diff(offsets)
     points = vtk_to_numpy(mesh.GetPoints().GetData())  # [P, 3]
     count = np.bincount(corners, minlength=len(points))  # cells at each point
-    found = np.empty(3)
+    edges = np.empty(3)
     for axis in range(3):
         at = points[corners, axis].astype(np.float64)
         extents = np.maximum.reduceat(at, offsets[:-1]) - np.minimum.reduceat(at, offsets[:-1])  # [C]
         around = np.bincount(corners, np.repeat(extents, lengths), len(points))[count > 0] / count[count > 0]
         around = around[around > 0]
-        found[axis] = (
+        edges[axis] = (
             np.partition(around, int(share * len(around)))[int(share * len(around))] if len(around) else np.inf
         )
-    return found
+    return edges
 
 
 def lattice(mesh: Any, values: NDArray[Any], on_cells: bool) -> tuple[NDArray[Any], list[NDArray[np.float64]]] | None:
@@ -249,8 +249,8 @@ def reconstructed(
     """
     middles = centers(mesh)  # [C, 3]
     slopes, low, high = _slopes(mesh, middles, values)
-    found = np.sum((points - middles[cells]) * slopes[cells], axis=1) + values[cells]
-    return np.clip(found, low[cells], high[cells])
+    estimates = np.sum((points - middles[cells]) * slopes[cells], axis=1) + values[cells]
+    return np.clip(estimates, low[cells], high[cells])
 
 
 def _slopes(
@@ -276,8 +276,8 @@ def _slopes(
         squares[:, i, j] = squares[:, j, i] = about
     right = products - sums * f[:, None] - x * (total - number * f)[:, None]  # [C, 3]
     extents, axes = np.linalg.eigh(squares)  # [C, 3], [C, 3, 3]
-    known = extents > FLAT * extents[:, 2:]
-    along = np.einsum("cij,ci->cj", axes, right) * np.where(known, 1.0 / np.where(known, extents, 1.0), 0.0)
+    is_solid = extents > FLAT * extents[:, 2:]
+    along = np.einsum("cij,ci->cj", axes, right) * np.where(is_solid, 1.0 / np.where(is_solid, extents, 1.0), 0.0)
     low, high = (_extreme(reduce, start, corners, owners, offsets, values, count) for reduce, start in _EXTREMES)
     reach = np.maximum(values - low, high - values)  # [C]
     outermost = _outermost(merged)  # [C]
@@ -300,8 +300,8 @@ def _extreme(
     """The smallest or largest value [C] of all cells that share a corner with a cell."""
     at_points = np.full(count, start)
     reduce.at(at_points, corners, values[owners])
-    found: NDArray[np.float64] = reduce.reduceat(at_points[corners], offsets[:-1])
-    return found
+    extremes: NDArray[np.float64] = reduce.reduceat(at_points[corners], offsets[:-1])
+    return extremes
 
 
 def _outermost(mesh: Any) -> NDArray[np.bool_]:
@@ -313,9 +313,9 @@ def _outermost(mesh: Any) -> NDArray[np.bool_]:
     surface.SetInputData(straight(mesh))
     surface.PassThroughCellIdsOn()
     surface.Update()
-    found = np.zeros(mesh.GetNumberOfCells(), dtype=bool)
-    found[vtk_to_numpy(surface.GetOutput().GetCellData().GetArray("vtkOriginalCellIds"))] = True
-    return found
+    is_outermost = np.zeros(mesh.GetNumberOfCells(), dtype=bool)
+    is_outermost[vtk_to_numpy(surface.GetOutput().GetCellData().GetArray("vtkOriginalCellIds"))] = True
+    return is_outermost
 
 
 def _merged(mesh: Any) -> Any:

@@ -47,8 +47,8 @@ def unpacked(
     if not surfaces:
         return PictureLayer(rows, columns, image), data
     depths = np.ones(shape, dtype=np.float32)
-    found, data = np.split(data, [4 * int(covered.sum())])
-    depths[covered] = found.copy().view(np.float32)
+    data_of_depths, data = np.split(data, [4 * int(covered.sum())])
+    depths[covered] = data_of_depths.copy().view(np.float32)
     return PictureLayer(rows, columns, image, depths), data
 
 

@@ -121,6 +121,6 @@ def unwrapped(values: NDArray[Any], name: str, attributes: Mapping[str, Any]) ->
 
 
 def _text(attributes: Mapping[str, Any], key: str) -> str:
-    held = attributes.get(key, "")
-    held = held.ravel()[0] if isinstance(held, np.ndarray) and held.size == 1 else held  # as HDF5 has it
-    return (held.decode(errors="replace") if isinstance(held, bytes) else str(held)).strip().lower()
+    value = attributes.get(key, "")
+    value = value.ravel()[0] if isinstance(value, np.ndarray) and value.size == 1 else value  # as HDF5 has it
+    return (value.decode(errors="replace") if isinstance(value, bytes) else str(value)).strip().lower()

@@ -86,11 +86,11 @@ def to_grid(
     if array is not None:
         raise ValueError(f"array={array!r} names an array of a VTK data set, but the data are {type(data).__name__}")
     if is_labelled(data):
-        found = placed(data, dims, spacing, origin)
-        if found.axes is not None:
-            grid = _on_axes(found.values, found.axes, found.name, "array", nan)
-            return _with_warnings(replace(grid, notes=(*found.notes, *grid.notes)), warn)
-        data, dims = found.values, None
+        placement = placed(data, dims, spacing, origin)
+        if placement.axes is not None:
+            grid = _on_axes(placement.values, placement.axes, placement.name, "array", nan)
+            return _with_warnings(replace(grid, notes=(*placement.notes, *grid.notes)), warn)
+        data, dims = placement.values, None
     if all(hasattr(data, name) for name in ("values", "spacing", "origin")):
         spacing = data.spacing if spacing is None else spacing
         origin = data.origin if origin is None else origin
@@ -123,21 +123,21 @@ def _grid_of_data_set(data: Any, array: str | None, nan: str) -> Grid:
 
     Raises TypeError for data sets without volume cells, ValueError for arrays that cannot be chosen or used.
     """
-    kind, held = data.GetClassName(), None
+    kind, leaves = data.GetClassName(), None
     if data.IsA("vtkCompositeDataSet"):
-        held = list(blocks(data))
-        if not held:
+        leaves = list(blocks(data))
+        if not leaves:
             raise ValueError(f"the {kind} is empty: none of its blocks has cells")
     elif (data := plain(data)) is None:
         raise TypeError(f"a {kind} holds no field on cells or points")
     elif data.GetNumberOfCells() == 0:
         raise ValueError(f"the {kind} is empty: it has {data.GetNumberOfPoints()} points and no cells")
     name, on_cells = chosen_array(
-        held or [data], array, f"the blocks of the {kind} have" if held else f"the {kind} has"
+        leaves or [data], array, f"the blocks of the {kind} have" if leaves else f"the {kind} has"
     )
-    if held is None:
+    if leaves is None:
         return _of_one(data, kind, name, on_cells, nan)
-    chosen_blocks = [block for block in held if (name, on_cells) in _arrays(block)]
+    chosen_blocks = [block for block in leaves if (name, on_cells) in _arrays(block)]
     if len(chosen_blocks) == 1:
         return _of_one(chosen_blocks[0], chosen_blocks[0].GetClassName(), name, on_cells, nan)
     return _of_mesh(chosen_blocks, f"{kind} of {len(chosen_blocks)} blocks", name, on_cells, nan)
@@ -158,29 +158,29 @@ def chosen_array(data: Sequence[Any], array: str | None, who: str) -> tuple[str,
     Where points and cells have one of this name, that of the cells counts, which codes compute; "cell:NAME" and "point:NAME"
     choose.  Raises ValueError, its sentence going on from `who`, such as "the file has".
     """
-    every = dict.fromkeys(found for one in data for found in _arrays(one))
-    found = {name for name, _ in every if array in (None, name)}
+    every = dict.fromkeys(names for one in data for names in _arrays(one))
+    names = {name for name, _ in every if array in (None, name)}
     kind, _, name = (array or "").partition(":")
-    if not found and kind in ("cell", "point") and (name, kind == "cell") in every:
+    if not names and kind in ("cell", "point") and (name, kind == "cell") in every:
         on_cells = kind == "cell"
-    elif len(found) == 1:
-        name = found.pop()
+    elif len(names) == 1:
+        name = names.pop()
         on_cells = (name, True) in every
     else:
         listed = [sorted(name for name, on in every if on is which) for which in (False, True)]
         problem = "name the array to render" if array is None else f"no array {array!r}"
         raise ValueError(f"{problem}: {who} {_listed(*listed)}")
     for one in data:
-        held = (one.GetCellData() if on_cells else one.GetPointData()).GetArray(name)
-        if held is not None and held.GetNumberOfComponents() != 1:
+        values = (one.GetCellData() if on_cells else one.GetPointData()).GetArray(name)
+        if values is not None and values.GetNumberOfComponents() != 1:
             raise ValueError(
-                f"array {name!r} has {held.GetNumberOfComponents()} components per sample: pass a scalar, such as the vector's "
+                f"array {name!r} has {values.GetNumberOfComponents()} components per sample: pass a scalar, such as the vector's "
                 "magnitude"
             )
         count = one.GetNumberOfCells() if on_cells else one.GetNumberOfPoints()
-        if held is not None and held.GetNumberOfTuples() != count:
+        if values is not None and values.GetNumberOfTuples() != count:
             what = "cells" if on_cells else "points"
-            raise ValueError(f"array {name!r} has {held.GetNumberOfTuples()} values for {count} {what}")
+            raise ValueError(f"array {name!r} has {values.GetNumberOfTuples()} values for {count} {what}")
     return name, on_cells
 
 
@@ -304,7 +304,7 @@ def _values(data: Any, name: str, on_cells: bool) -> NDArray[Any]:
 def _scalar_names(attributes: Any) -> list[str]:
     """Names of the numeric arrays, without VTK's own bookkeeping (ghost flags, ids)."""
     arrays = [attributes.GetArray(i) for i in range(attributes.GetNumberOfArrays())]
-    names = [held.GetName() for held in arrays if held is not None and held.GetName()]
+    names = [one.GetName() for one in arrays if one is not None and one.GetName()]
     return [name for name in names if not name.startswith("vtk")]
 
 

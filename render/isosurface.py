@@ -137,9 +137,9 @@ def _without_cells(surface: Any, left_out: NDArray[np.bool_], placement: Placeme
     middles = points[triangles].mean(axis=1, dtype=np.float64)  # [T, 3]
     cells = ((middles - placement.origin) / placement.spacing).astype(np.int64)  # [T, 3] as x, y, z
     cells = np.clip(cells, 0, np.array(left_out.shape[::-1]) - 2)
-    kept = triangles[~left_out[tuple(cells[:, ::-1].T)]]
+    remaining = triangles[~left_out[tuple(cells[:, ::-1].T)]]
     polygons = vtkCellArray()
-    polygons.SetData(3, numpy_to_vtkIdTypeArray(np.ascontiguousarray(kept, dtype=np.int64).reshape(-1), deep=True))
+    polygons.SetData(3, numpy_to_vtkIdTypeArray(np.ascontiguousarray(remaining, dtype=np.int64).reshape(-1), deep=True))
     left = vtkPolyData()
     left.SetPoints(surface.GetPoints())
     left.SetPolys(polygons)

@@ -26,7 +26,7 @@ class BlockRenderer:
     """Draws what a block adds to pictures of the whole: upload or extract once, draw many views, free on exit.
 
     Volumes take the same samples along the same rays as one process that has the whole.  Each sample is taken by the block in whose
-    space it lies, half-open, so none is lost or doubled.  `drawn` is the whole's `render.volume.drawn_range`.
+    space it lies, half-open, so none is lost or doubled.  `value_range` is the whole's `render.volume.drawn_range`.
     """
 
     def __init__(
@@ -35,14 +35,14 @@ class BlockRenderer:
         appearance: Appearance,
         *,
         sample_distance: float | None = None,
-        drawn: tuple[float, float] | None = None,
+        value_range: tuple[float, float] | None = None,
     ) -> None:
         self._block, self._window = block, open_window()
         self._placement = Placement.of(block.grid, block.whole)
         self._shader: Any = None
         if isinstance(appearance, VolumeRendering):
             self._scene = volume_scene(
-                block.grid, appearance, self._placement, sample_distance, drawn=drawn, block=True
+                block.grid, appearance, self._placement, sample_distance, value_range=value_range, block=True
             )
             self._shader = self._scene.GetVolumes().GetItemAsObject(0).GetShaderProperty()
         elif isinstance(appearance, Isosurface):

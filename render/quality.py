@@ -176,15 +176,15 @@ def checked_sample_distance(
     fractions = [first, *(c for c in CANDIDATES if c < first)]
     wanted = [target_decibels, *[target_decibels + MARGIN] * (len(fractions) - 1)]
     before: list[SampleDistance] = []
-    found = _first_enough(field, appearance, views, fractions, wanted, before)
-    found = replace(found, change=field.mean_change(appearance.transfer_function))
+    checked = _first_enough(field, appearance, views, fractions, wanted, before)
+    checked = replace(checked, change=field.mean_change(appearance.transfer_function))
     if before[0].decibels >= target_decibels:
-        return found
+        return checked
     return replace(
-        found,
+        checked,
         note=f"{appearance.name}: the catalog's sample distance {planned:g} gives {before[0].decibels:.1f} dB of this member, "
         f"whose field is harder than those that it was chosen on; {target_decibels:g} dB were asked for, so "
-        f"{found.distance:g} is taken, which gives {found.decibels:.1f} dB",
+        f"{checked.distance:g} is taken, which gives {checked.decibels:.1f} dB",
     )
 
 

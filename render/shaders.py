@@ -132,7 +132,7 @@ def tell_rays(shader: Any, camera: Camera, low: NDArray[np.float64], high: NDArr
 
 def replacements(
     transfer: TransferFunction,
-    drawn: tuple[float, float],
+    value_range: tuple[float, float],
     scale: float,
     *,
     shaded: bool,
@@ -141,12 +141,12 @@ def replacements(
 ) -> dict[str, str]:
     """VTK tag -> GLSL that takes its place, for a texture that holds `render.volume.texture_values`.
 
-    That is the value with the `drawn` range mapped to 0 and 1 (not clamped: trilinear interpolation comes first); with
+    That is the value with the `value_range` mapped to 0 and 1 (not clamped: trilinear interpolation comes first); with
     `holes` there is a mask besides, `render.volume.hidden_cells`.
     `scale` is the number of world units in one unit of the scene (see `render.placement`).
     """
-    opacity = _points_within(transfer.opacity_points, drawn)
-    color = _points_within(transfer.color_points, drawn)
+    opacity = _points_within(transfer.opacity_points, value_range)
+    color = _points_within(transfer.color_points, value_range)
     functions = _piecewise("float opacityAt", opacity) + _piecewise("vec3 colorAt", color)
     unused = ("ComputeColor::Dec", "ComputeGradient::Dec", "ComputeGradientOpacity1D::Dec", "ComputeLighting::Dec")
     return {
@@ -233,14 +233,14 @@ vec3 lit(vec3 color)
 
 
 def _points_within(
-    points: Sequence[tuple[float, ...]], drawn: tuple[float, float]
+    points: Sequence[tuple[float, ...]], value_range: tuple[float, float]
 ) -> list[tuple[float, tuple[float, ...]]]:
-    """Control points (value, y...) as (x, y), x from 0 to 1 over the `drawn` range of values; none lies outside."""
-    low, high = drawn
+    """Control points (value, y...) as (x, y), x from 0 to 1 over the `value_range`; none lies outside."""
+    low, high = value_range
     inside = [p for p in points if low <= p[0] <= high]
     if len(inside) < len(points):
         values, *columns = zip(*points, strict=True)
-        ends = [(v, *(float(np.interp(v, values, column)) for column in columns)) for v in drawn]
+        ends = [(v, *(float(np.interp(v, values, column)) for column in columns)) for v in value_range]
         inside = [ends[0], *(p for p in inside if low < p[0] < high), ends[1]]
     return [((p[0] - low) / (high - low), p[1:]) for p in inside]
 

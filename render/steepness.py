@@ -25,8 +25,8 @@ def drawn_cells(shape: tuple[int, int, int]) -> NDArray[np.int64]:
     """First samples (N, 3), z, y, x, of the cells that `mean_change` looks at in a grid of this shape."""
     cells = np.array(shape) - 1
     count = int(cells.prod())
-    drawn = np.arange(count) if count <= CELLS else np.random.default_rng(0).integers(0, count, CELLS)
-    return np.stack(np.unravel_index(drawn, tuple(cells)), axis=1)
+    numbers = np.arange(count) if count <= CELLS else np.random.default_rng(0).integers(0, count, CELLS)
+    return np.stack(np.unravel_index(numbers, tuple(cells)), axis=1)
 
 
 def squared_changes(grid: Grid, transfer: TransferFunction, first: NDArray[np.int64]) -> NDArray[np.float64]:
@@ -34,15 +34,15 @@ def squared_changes(grid: Grid, transfer: TransferFunction, first: NDArray[np.in
     if grid.holes is not None:
         first = first[~grid.holes[tuple(first.T)]]
 
-    def shown(places: NDArray[np.int64]) -> NDArray[np.float64]:
+    def premultiplied(places: NDArray[np.int64]) -> NDArray[np.float64]:
         values = grid.values[tuple(places.T)]
         opacities = transfer.opacities(values)[:, None]  # [N, 1]
         return np.concatenate([transfer.colors(values) * opacities, opacities], axis=1)  # [N, 4]
 
-    here, squares = shown(first), []
+    here, squares = premultiplied(first), []
     for step in np.eye(3, dtype=np.int64):
-        kept = np.ones(len(first), dtype=bool) if grid.holes is None else ~grid.holes[tuple((first + step).T)]
-        squares.append(((shown(first + step) - here)[kept] ** 2).ravel())
+        valid = np.ones(len(first), dtype=bool) if grid.holes is None else ~grid.holes[tuple((first + step).T)]
+        squares.append(((premultiplied(first + step) - here)[valid] ** 2).ravel())
     return np.concatenate(squares)
 
 

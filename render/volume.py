@@ -23,14 +23,14 @@ def volume_scene(
     placement: Placement,
     sample_distance: float | None = None,
     *,
-    drawn: tuple[float, float] | None = None,
+    value_range: tuple[float, float] | None = None,
     block: bool = False,
 ) -> Any:
     """A vtkRenderer that shows the volume; VTK draws its box and holds its texture, `render.shaders` is the inner loop.
 
     `sample_distance` is the longest distance between samples along a ray, world units (each ray is cut into equal steps
     no longer than this); by default half the smallest spacing.  Shaded volumes are lit by a headlight at the eye,
-    two-sided, by central differences of the field.  `drawn` is by default the grid's `drawn_range`.
+    two-sided, by central differences of the field.  `value_range` is by default the grid's `drawn_range`.
 
     A `block` is drawn as its part of the whole in whose box `placement` puts it: with the samples of rays that lie in the space
     which it owns.  That space and the camera must be handed to the shader (`render.shaders.tell_rays`).
@@ -49,9 +49,9 @@ def volume_scene(
             f"the grid has {max(grid.shape)} samples along one axis, but this machine's OpenGL takes "
             f"{longest}: render every second sample (field[::2, ::2, ::2], spacing doubled)"
         )
-    drawn = drawn_range(grid.range, appearance.transfer_function) if drawn is None else drawn
+    value_range = drawn_range(grid.range, appearance.transfer_function) if value_range is None else value_range
     mapper = vtkOpenGLGPUVolumeRayCastMapper()
-    mapper.SetInputData(image_data(texture_values(grid, drawn), placement))
+    mapper.SetInputData(image_data(texture_values(grid, value_range), placement))
     if grid.holes is not None:
         mapper.SetMaskInput(image_data(hidden_cells(grid.holes), placement))
         mapper.SetMaskTypeToBinary()
@@ -65,7 +65,7 @@ def volume_scene(
     shader = volume.GetShaderProperty()
     steps = equal_steps() if not block else steps_of_whole(grid.shape, placement, distance / placement.scale)
     transfer, holes = appearance.transfer_function, grid.holes is not None
-    code = replacements(transfer, drawn, placement.scale, shaded=appearance.shaded, holes=holes, steps=steps)
+    code = replacements(transfer, value_range, placement.scale, shaded=appearance.shaded, holes=holes, steps=steps)
     for tag, replacement in code.items():
         shader.AddFragmentShaderReplacement(tag, True, replacement, False)
     renderer = vtkRenderer()
@@ -96,14 +96,14 @@ def drawn_range(values: tuple[float, float], transfer: TransferFunction) -> tupl
     return (low, high) if 0.0 < high - low < NARROW * (last - first) else (first, last)
 
 
-def texture_values(grid: Grid, drawn: tuple[float, float]) -> NDArray[np.float32]:
+def texture_values(grid: Grid, value_range: tuple[float, float]) -> NDArray[np.float32]:
     """Samples (nz, ny, nx, 1) as `render.shaders.replacements` expects them, scaled in float64.
 
-    The `drawn` range becomes 0 to 1.  Values beyond it stay beyond, because interpolation comes before clamping.  They end at
+    The `value_range` becomes 0 to 1.  Values beyond it stay beyond, because interpolation comes before clamping.  They end at
     `FARTHEST`, so that single precision never overflows in between.  That moves the place where an interpolated value enters the
     range by less than a millionth of a grid cell.
     """
-    low, high = drawn
+    low, high = value_range
     texture = np.empty((*grid.shape, 1), dtype=np.float32)
     with np.errstate(over="ignore"):
         for plane, differences in zip(texture, grid.minus(low), strict=True):  # float64 for one plane at a time

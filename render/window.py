@@ -99,11 +99,11 @@ class Window:
                 state.vtkglBlendEquation(LARGEST if once else SUM)
                 self._window.Render()
                 image = self._read_float(width, height) if float_output else self._read_bytes(width, height)
-                found = self._read_depths(width, height)[::-1].copy() if depths else None
+                depth_image = self._read_depths(width, height)[::-1].copy() if depths else None
             finally:
                 state.vtkglBlendEquation(SUM)
                 renderer.DrawOff()
-        return image[::-1].copy(), found  # OpenGL's rows start at the bottom
+        return image[::-1].copy(), depth_image  # OpenGL's rows start at the bottom
 
     @property
     def longest_volume(self) -> int:
@@ -230,7 +230,7 @@ def _usable_window() -> tuple[Any, str]:
     from vtkmodules.vtkCommonCore import vtkLogger, vtkObject
 
     verbosity = vtkLogger.GetCurrentVerbosityCutoff()
-    shown = vtkObject.GetGlobalWarningDisplay()
+    display = vtkObject.GetGlobalWarningDisplay()
     vtkLogger.SetStderrVerbosity(vtkLogger.VERBOSITY_OFF)  # a refused backend needs no message: the next is tried
     vtkObject.GlobalWarningDisplayOff()
     try:
@@ -246,7 +246,7 @@ def _usable_window() -> tuple[Any, str]:
                 return window, backend
     finally:
         vtkLogger.SetStderrVerbosity(vtkLogger.ConvertToVerbosity(verbosity))
-        vtkObject.SetGlobalWarningDisplay(shown)
+        vtkObject.SetGlobalWarningDisplay(display)
     raise RuntimeError(
         f"no usable OpenGL on this machine: install the system packages {SYSTEM_PACKAGES}"
         " with, on Debian or Ubuntu, `sudo apt-get install`"
@@ -261,12 +261,12 @@ def _backends() -> list[tuple[str, Any]]:
         from vtkmodules.vtkRenderingCore import vtkRenderWindow
 
         return [("native", vtkRenderWindow)]
-    found: list[tuple[str, Any]] = []
+    backends: list[tuple[str, Any]] = []
     if _loads("libEGL.so.1"):
-        found.append(("EGL", opengl.vtkEGLRenderWindow))
+        backends.append(("EGL", opengl.vtkEGLRenderWindow))
     if any(map(_loads, OSMESA_LIBRARIES)):
-        found.append(("OSMesa", opengl.vtkOSOpenGLRenderWindow))
-    return found
+        backends.append(("OSMesa", opengl.vtkOSOpenGLRenderWindow))
+    return backends
 
 
 def _loads(library: str) -> bool:

@@ -52,16 +52,16 @@ def is_labelled_set(data: Any) -> bool:
 
 def chosen(data: Any, array: str | None) -> Any:
     """The array of a labelled set that is asked for, or the only one with three axes; raises ValueError listing them."""
-    held = [str(name) for name in data.data_vars]
+    names = [str(name) for name in data.data_vars]
     if array is not None:
-        if array not in held:
-            raise ValueError(f"no array {array!r} in the {type(data).__name__}: it has {held or 'none'}")
+        if array not in names:
+            raise ValueError(f"no array {array!r} in the {type(data).__name__}: it has {names or 'none'}")
         return data[array]
-    known = [data[name] for name in [*data.data_vars, *getattr(data, "coords", ())]]
-    aside = {name for one in known for name in described(getattr(one, "attrs", {}))}
-    volumes = [name for name in held if name not in aside and _extents(data[name]) >= 3]
+    variables = [data[name] for name in [*data.data_vars, *getattr(data, "coords", ())]]
+    aside = {name for one in variables for name in described(getattr(one, "attrs", {}))}
+    volumes = [name for name in names if name not in aside and _extents(data[name]) >= 3]
     if len(volumes) != 1:
-        raise ValueError(f"name the array to render: the {type(data).__name__} has {joined_names(volumes or held)}")
+        raise ValueError(f"name the array to render: the {type(data).__name__} has {joined_names(volumes or names)}")
     return data[volumes[0]]
 
 
@@ -83,18 +83,18 @@ def placed(
     do not say what they are, coordinates that neither increase nor decrease, and a spacing or origin that contradicts them.
     """
     names = [str(name) for name in data.dims]
-    kept = [name for name, size in zip(names, data.shape, strict=True) if size != 1] if len(names) > 3 else names
-    if len(kept) != 3:
+    remaining = [name for name, size in zip(names, data.shape, strict=True) if size != 1] if len(names) > 3 else names
+    if len(remaining) != 3:
         raise ValueError(
             f"a field has 3 axes, this array has {names} of {tuple(data.shape)} values: choose one value along those that "
             f"are not in space, such as .isel({names[0] if names else 'time'}=0)"
         )
     coordinates = {name: data.coords[name] for name in names if name in data.coords}
-    about = {name: getattr(coordinates.get(name), "attrs", {}) for name in kept}
-    order = axis_order(kept, dims, about)
+    about = {name: getattr(coordinates.get(name), "attrs", {}) for name in remaining}
+    order = axis_order(remaining, dims, about)
     values = np.asarray(data.values)
-    values = values.reshape([n for n, name in zip(values.shape, names, strict=True) if name in kept])
-    values = values.transpose([kept.index(order[letter]) for letter in "zyx"])
+    values = values.reshape([n for n, name in zip(values.shape, names, strict=True) if name in remaining])
+    values = values.transpose([remaining.index(order[letter]) for letter in "zyx"])
     attributes = getattr(data, "attrs", {})
     before = data.notes if hasattr(type(data), "notes") else ()  # of an xarray it would be one of its own attributes
     labels = str(getattr(data, "name", None) or ""), str(attributes.get("units", ""))
@@ -193,17 +193,17 @@ def _height(
     if spacing is not None:
         return triple("spacing", spacing)[2] * (len(axes[2]) - 1) / height, ()
     if x in METRES and z in METRES:
-        drawn, why = METRES[z] / METRES[x] * height, f"as in {x}"
+        scaled, why = METRES[z] / METRES[x] * height, f"as in {x}"
     elif is_box:
         return None, ()
     else:
-        drawn, why = HEIGHT * shorter, "a quarter of the shorter side"
+        scaled, why = HEIGHT * shorter, "a quarter of the shorter side"
     steps = ", ".join(f"{side / (len(axis) - 1):.7g}" for side, axis in zip((length, width), axes, strict=False))
     note = (
-        f"{order['x']!r} and {order['y']!r} are in {x}, {order['z']!r} is in {z or 'another unit'}: it is drawn {drawn:g} high, "
+        f"{order['x']!r} and {order['y']!r} are in {x}, {order['z']!r} is in {z or 'another unit'}: it is drawn {scaled:g} high, "
         f"{why}, in place of {height:g}; for another height give spacing ({steps}, Z)"
     )
-    return drawn / height, (note,)
+    return scaled / height, (note,)
 
 
 def _check_given(

@@ -67,19 +67,19 @@ def _deformed_card(deformed: Any) -> str:
         *((name, _value(value)) for name, value in deformed.parameters.items()),
         ("Gaussians", f"{len(deformed):,}"),
     ]
-    picture = CardImage(on_background(_seen(deformed)), title=_listed(deformed.parameters))
+    picture = CardImage(on_background(_image_of(deformed)), title=_listed(deformed.parameters))
     return card("Gaussians of one member", rows, [picture], width=WIDTH)
 
 
 def _middle(surrogate: Any) -> CardImage:
     values = {p.name: p.middle for p in surrogate.space.parameters}
-    rgb = on_background(_seen(surrogate.at(values)), surrogate.background or WHITE)
+    rgb = on_background(_image_of(surrogate.at(values)), surrogate.background or WHITE)
     words = _listed(values)
     caption = f"at {words}" if 0 < len(values) <= CAPTIONED else "at the middle of the parameters"
     return CardImage(rgb, caption if values else "", words)
 
 
-def _seen(deformed: Any) -> NDArray[np.float32]:
+def _image_of(deformed: Any) -> NDArray[np.float32]:
     return deformed.render(first_camera(deformed.normalization))
 
 

@@ -94,18 +94,18 @@ def _statements(*also: str) -> dict[str, str]:
     """
     packages = {*PACKAGES, *(name.partition(".")[0] for name in also)}
     ours = re.compile(rf"\s*(from|import) ({'|'.join(sorted(packages))})\b")
-    found: dict[str, str] = {}
+    statements: dict[str, str] = {}
     left = [*MEASURING, *also]
     while left:
         name = left.pop()
         path = _file(name) if name.partition(".")[0] in packages else None
-        if name in found or path is None:
+        if name in statements or path is None:
             continue
         tree = ast.parse(path.read_bytes())
         left += [name.rpartition(".")[0], *_imported(tree)]
         lines = ast.unparse(_without_docstrings(tree)).splitlines()  # a statement in each
-        found[name] = "\n".join(line for line in lines if not ours.match(line))
-    return found
+        statements[name] = "\n".join(line for line in lines if not ours.match(line))
+    return statements
 
 
 def _imported(tree: ast.Module) -> Iterator[str]:
@@ -127,7 +127,7 @@ def _without_docstrings(tree: ast.Module) -> ast.Module:
 def _file(name: str) -> Path | None:
     """The source of a module of this project that does not only show; None for everything else in it."""
     package, _, rest = name.partition(".")
-    if any(f"{name}.".startswith(f"{shown}.") for shown in SHOWING):
+    if any(f"{name}.".startswith(f"{prefix}.") for prefix in SHOWING):
         return None
     path = _folder(package).joinpath(*rest.split(".")) if rest else _folder(package)
     return next((file for file in (path.with_suffix(".py"), path / "__init__.py") if file.is_file()), None)
@@ -135,7 +135,7 @@ def _file(name: str) -> Path | None:
 
 def _folder(package: str) -> Path:
     """The folder of a package of this project."""
-    found = importlib.util.find_spec(package)
-    if found is None or not found.submodule_search_locations:
+    spec = importlib.util.find_spec(package)
+    if spec is None or not spec.submodule_search_locations:
         raise ModuleNotFoundError(f"the package {package} is not installed: run `pip install gs-surrogate`")
-    return Path(next(path for path in found.submodule_search_locations if (Path(path) / "__init__.py").is_file()))
+    return Path(next(path for path in spec.submodule_search_locations if (Path(path) / "__init__.py").is_file()))

@@ -81,20 +81,20 @@ class Rasterizer:
         options: dict[str, Any] = (
             {"threads": threads} if self.backend in (AUTO, "cpu") and not gaussians.means.is_cuda else {}
         )
-        samples, seen = self._samples_of(gaussians), primitives(gaussians, camera, threads=threads)
-        drawn = draw(seen, finer(camera, samples), self.constants, backend=self.backend, **options)
-        return Rendering(*(averaged(part, samples) for part in (drawn.color, drawn.alpha)))
+        samples, projected = self._samples_of(gaussians), primitives(gaussians, camera, threads=threads)
+        image = draw(projected, finer(camera, samples), self.constants, backend=self.backend, **options)
+        return Rendering(*(averaged(part, samples) for part in (image.color, image.alpha)))
 
     def draw_over(self, gaussians: Gaussians, camera: Camera, background: Sequence[float]) -> Tensor:
         """The picture that training compares: colours over `background` (3,) and alpha, (H, W, 4)."""
         return self.draw_primitives(primitives(gaussians, camera), gaussians, camera, background)
 
     def draw_primitives(
-        self, seen: Primitives, gaussians: Gaussians, camera: Camera, background: Sequence[float]
+        self, projected: Primitives, gaussians: Gaussians, camera: Camera, background: Sequence[float]
     ) -> Tensor:
-        """The same of `gaussians` that are `seen` in the coordinates of `camera`."""
+        """The same of `gaussians`, `projected` to the coordinates of `camera`."""
         samples = self._samples_of(gaussians)
-        picture = draw_over(seen, finer(camera, samples), background, self.constants, backend=self.backend)
+        picture = draw_over(projected, finer(camera, samples), background, self.constants, backend=self.backend)
         return averaged(picture, samples)
 
     def _samples_of(self, gaussians: Gaussians) -> int:

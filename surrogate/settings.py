@@ -216,16 +216,16 @@ class TrainingSettings:
         """The number of Gaussians on isosurfaces."""
         return self.visualization_gaussians or self.gaussians
 
-    def carry_values(self, shown: Appearance) -> bool:
-        """True where Gaussians that are to look like `shown` carry values of the field, rather than colours.
+    def carry_values(self, appearance: Appearance) -> bool:
+        """True where Gaussians that are to look like an appearance carry values of the field, rather than colours.
 
         Raises ValueError where values are asked for, but no transfer function alone determines the appearance.
         """
-        fits = isinstance(shown, VolumeRendering) and not shown.shaded
+        fits = isinstance(appearance, VolumeRendering) and not appearance.shaded
         if self.carried == "values" and not fits:
             raise ValueError(
-                f'training.carried = "values" needs an unshaded volume rendering, but {shown.name} is {shown}: leave it out, or '
-                'say "colors"'
+                f'training.carried = "values" needs an unshaded volume rendering, but {appearance.name} is {appearance}: '
+                'leave it out, or say "colors"'
             )
         return fits and self.carried != "colors"
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.support.words import PROJECT, checked, in_markdown, in_python, violations
+from tests.support.words import PROJECT, checked, in_markdown, in_python, participles, violations
 
 PLACES = (
     "catalogs",
@@ -55,6 +55,21 @@ def test_python() -> None:
     source = '"""What it is."""\nx = "told"  # is no name\ny = f"so many {x}s"\n'
     assert [line for line, _ in in_python(source, docstrings_only=False)] == [1, 3, 2]
     assert len(list(in_python(source, docstrings_only=True))) == 1
+
+
+def test_names() -> None:
+    source = """
+def f(known, known_names):
+    held, seen_views = known, known_names
+    self._found = [taken for taken in held]
+
+class Record:
+    made: str
+    told: str
+    def drawn(self): ...
+    def shown(self): ...
+"""
+    assert [line for line, _ in sorted(participles(source))] == [2, 3, 4, 4, 8, 10]
 
 
 def test_pages() -> None:

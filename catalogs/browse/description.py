@@ -40,7 +40,7 @@ def describe(catalog: Catalog) -> dict[str, Any]:
     plan = catalog.plan
     members = catalog.members
     sets, which = _numbered(_view_keys(members, plan))
-    shown, offered = _numbered(member.appearances for member in members)
+    orders, offered = _numbered(member.appearances for member in members)
     numbers = {name: i for i, name in enumerate(plan.appearance_names)}
     return {
         "title": _title(catalog),
@@ -52,13 +52,13 @@ def describe(catalog: Catalog) -> dict[str, Any]:
         "files": _file_names(catalog, members),
         "viewpoints": [points for points, _ in sets],
         "view_splits": [splits for _, splits in sets],
-        "appearance_sets": [[numbers[name] for name in names] for names in shown],
+        "appearance_sets": [[numbers[name] for name in names] for names in orders],
         "members": {
             "names": [m.name for m in members],
             "splits": _digits(m.split for m in members),
             "values": [_short([m.parameters[name] for m in members]) for name in plan.space.names],
             "viewpoints": which if len(sets) > 1 else None,
-            "appearances": offered if len(shown) > 1 else None,
+            "appearances": offered if len(orders) > 1 else None,
         },
     }
 
@@ -114,20 +114,22 @@ def _title(catalog: Catalog) -> str:
 
 def _visualization(plan: CatalogPlan) -> list[dict[str, Any]]:
     """The visualization parameters that differ between appearances: isovalues, displacements of a transfer function."""
-    shown = [plan.varied(appearance.name) for appearance in plan.appearances]
+    varied = [plan.varied(appearance.name) for appearance in plan.appearances]
     surfaces = {appearance.name for appearance in plan.appearances if isinstance(appearance, Isosurface)}
     having, units = {ISOVALUE: surfaces}, {ISOVALUE: _common_unit(plan)}
     for variation in (v for v in plan.variations if v.edits_base):
         for parameter in variation.space.parameters:
             having[parameter.name] = {variation.base, *variation.named(*SPLITS)}
             units[parameter.name] = parameter.unit or units.get(parameter.name, "")
-    found = []
+    described = []
     for name in plan.varied_names:
-        values = [v[name] if a.name in having[name] else None for a, v in zip(plan.appearances, shown, strict=True)]
-        known = {value for value in values if value is not None}
-        if len(known) > 1:
-            found.append({"name": name, "unit": units[name], "low": min(known), "high": max(known), "values": values})
-    return found
+        values = [v[name] if a.name in having[name] else None for a, v in zip(plan.appearances, varied, strict=True)]
+        different = {value for value in values if value is not None}
+        if len(different) > 1:
+            described.append(
+                {"name": name, "unit": units[name], "low": min(different), "high": max(different), "values": values}
+            )
+    return described
 
 
 def _common_unit(plan: CatalogPlan) -> str:

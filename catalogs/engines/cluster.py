@@ -134,10 +134,10 @@ class Cluster:
             problems = {"the scheduler": self._of_scheduler()} | {f"worker {a}": p for a, p in of_workers.items()}
         threads = {f"worker {address}": count for address, count in self.client.nthreads().items()}
         lines = []
-        for process, found in problems.items():
-            if isinstance(found, BaseException):
-                found = [f"can't load gs-surrogate ({type(found).__name__}: {found}): {INSTALL} there"]
-            lines += [f"{process} {problem}" for problem in [*found, *threads_complaints(threads.get(process, 1))]]
+        for process, texts in problems.items():
+            if isinstance(texts, BaseException):
+                texts = [f"can't load gs-surrogate ({type(texts).__name__}: {texts}): {INSTALL} there"]
+            lines += [f"{process} {problem}" for problem in [*texts, *threads_complaints(threads.get(process, 1))]]
         if lines:
             more = f"; and {len(lines) - 5} more" if len(lines) > 5 else ""
             raise EngineError(f"the Dask cluster at {self.address} is not fit: {'; '.join(lines[:5])}{more}")

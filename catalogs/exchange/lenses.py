@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from catalogs.exchange.records import ExchangeError, numbers, shown
+from catalogs.exchange.records import ExchangeError, json_text, numbers
 
 SAME = 1e-3  # relative deviation at which two statements of one length still agree
 PINHOLES = {"PINHOLE", "SIMPLE_PINHOLE", "OPENCV", "SIMPLE_RADIAL", "RADIAL", "FULL_OPENCV", "PERSPECTIVE"}
@@ -44,7 +44,7 @@ def unknown_keys(record: Mapping[str, Any], place: str) -> list[str]:
     """Keys that nobody here knows; raises ExchangeError for a key whose value changes the picture in a way that is not read."""
     for key, (allowed, cure) in REFUSED.items():
         if record.get(key) not in (None, *allowed):
-            raise ExchangeError(f"{place}: {key} {shown(record[key])} is not read: {cure}")
+            raise ExchangeError(f"{place}: {key} {json_text(record[key])} is not read: {cure}")
     return [key for key in record if key not in READ | LENS | HARMLESS | set(REFUSED)]
 
 
@@ -60,14 +60,14 @@ def lens_of(record: Mapping[str, Any], size: tuple[int, int], place: str) -> tup
                 f"{place}: {key} is {record[key]}, but the picture has {pixels} pixels: scale w, h, fl_x, fl_y, cx and cy alike"
             )
     stated = [_focals(record, axis, pixels, place) for axis, pixels in zip("xy", size, strict=True)]
-    for found in stated:
-        if found and max(found.values()) > min(found.values()) * (1 + SAME):
-            lengths = ", ".join(f"{value:.6g}" for value in reversed(found.values()))
+    for by_key in stated:
+        if by_key and max(by_key.values()) > min(by_key.values()) * (1 + SAME):
+            lengths = ", ".join(f"{value:.6g}" for value in reversed(by_key.values()))
             raise ExchangeError(
-                f"{place}: {' and '.join(reversed(found))} describe the lens differently, by focal lengths of {lengths} pixels: "
+                f"{place}: {' and '.join(reversed(by_key))} describe the lens differently, by focal lengths of {lengths} pixels: "
                 "remove what is wrong"
             )
-    focals = [next(iter(found.values()), 0.0) for found in stated]
+    focals = [next(iter(by_key.values()), 0.0) for by_key in stated]
     if not any(focals):
         raise ExchangeError(f"{place} must hold camera_angle_x or fl_x: is it a D-NeRF transforms file?")
     fx, fy = (focal or focals[1 - axis] for axis, focal in enumerate(focals))  # square pixels, where one is left out
@@ -95,11 +95,11 @@ def _check_pinhole(record: Mapping[str, Any], place: str) -> None:
 def _focals(record: Mapping[str, Any], axis: str, pixels: int, place: str) -> dict[str, float]:
     """Every statement of the focal length along an axis, the most direct first."""
     direct = f"fl_{axis}"
-    found = {direct: _length(record, direct, place)} if direct in record else {}
+    lengths = {direct: _length(record, direct, place)} if direct in record else {}
     for key, unit in ((f"camera_angle_{axis}", 1.0), (f"{axis}_fov", math.pi / 180)):
         if key in record:
-            found[key] = pixels / (2.0 * math.tan(angle_of(record, key, place, unit) / 2.0))
-    return found
+            lengths[key] = pixels / (2.0 * math.tan(angle_of(record, key, place, unit) / 2.0))
+    return lengths
 
 
 def angle_of(record: Mapping[str, Any], key: str, place: str, unit: float = 1.0) -> float:

@@ -153,13 +153,13 @@ def plan_members(
     lacking = max(0, validation_members - sum(split == "validation" for split in splits.values()))
     for key in _set_aside([key for key, split in splits.items() if split == "train"], space, lacking, seed):
         splits[key] = "validation"
-    seen = np.unique([f.camera.world_to_camera for f in frames if f.file_split == "train"], axis=0)  # [T, 4, 4]
+    poses = np.unique([f.camera.world_to_camera for f in frames if f.file_split == "train"], axis=0)  # [T, 4, 4]
     members = []
     for split in SPLITS:
         keys = sorted(key for key in groups if splits[key] == split)
         for number, key in enumerate(keys):
             group = tuple(groups[key])
-            views = tuple("train" if _is_seen(f.camera, seen) else f.file_split for f in group)
+            views = tuple("train" if _is_seen(f.camera, poses) else f.file_split for f in group)
             members.append(ImportedMember(f"{split}-{number:03d}", group[0].parameters, split, group, views))
     return members
 
@@ -177,12 +177,12 @@ def _set_aside(
     return [sorted(members)[i] for i in order[:count]]
 
 
-def _is_seen(camera: Camera, seen: np.ndarray) -> bool:
+def _is_seen(camera: Camera, poses: np.ndarray) -> bool:
     """True if one of the poses [T, 4, 4] agrees with `camera` to half a pixel at the world's origin."""
     allowed = SAME_VIEW_PIXELS / camera.fx
     distance = max(float(np.linalg.norm(camera.position)), 1e-12)
-    turned = np.abs(seen[:, :3, :3] - camera.rotation).max(axis=(1, 2))  # [T]
-    moved = np.abs(seen[:, :3, 3] - camera.world_to_camera[:3, 3]).max(axis=1) / distance  # [T]
+    turned = np.abs(poses[:, :3, :3] - camera.rotation).max(axis=(1, 2))  # [T]
+    moved = np.abs(poses[:, :3, 3] - camera.world_to_camera[:3, 3]).max(axis=1) / distance  # [T]
     return bool(((turned < allowed) & (moved < allowed)).any())
 
 
@@ -226,14 +226,14 @@ def _check_alpha(frames: Sequence[Frame], background: Sequence[float] | None) ->
             )
 
 
-def _check_same(stored: Member, member: ImportedMember, names: Sequence[str]) -> None:
+def _check_same(present: Member, member: ImportedMember, names: Sequence[str]) -> None:
     same = (
-        tuple(stored.parameters[name] for name in names) == member.parameters
-        and stored.view_splits == member.view_splits
-        and stored.provenance.get("pictures") == member.pictures
+        tuple(present.parameters[name] for name in names) == member.parameters
+        and present.view_splits == member.view_splits
+        and present.provenance.get("pictures") == member.pictures
     )
     if not same:
         raise ExchangeError(
-            f"{stored.path} was imported from other frames than member {member.name} has now: the data set, "
+            f"{present.path} was imported from other frames than member {member.name} has now: the data set, "
             "validation_members or seed changed; choose another catalog, or remove this one first"
         )

@@ -18,15 +18,15 @@ def numbers(value: Any, shape: tuple[int, ...], place: str) -> NDArray[np.float6
     items = [value]
     for length in shape:
         if not all(isinstance(item, list) and len(item) == length for item in items):
-            raise ExchangeError(f"{place} must hold {'x'.join(map(str, shape))} numbers, got {shown(value)}")
+            raise ExchangeError(f"{place} must hold {'x'.join(map(str, shape))} numbers, got {json_text(value)}")
         items = list(chain.from_iterable(items))
     for item in items:
         if isinstance(item, bool) or not isinstance(item, int | float) or not abs(item) < 1e300:
-            raise ExchangeError(f"{place}: {shown(item)} is not a finite number")
+            raise ExchangeError(f"{place}: {json_text(item)} is not a finite number")
     return np.array(value, dtype=np.float64)
 
 
-def shown(value: Any) -> str:
+def json_text(value: Any) -> str:
     """A value in an error, cut short."""
     text = repr(value)
     return text if len(text) <= 60 else f"{text[:57]}..."

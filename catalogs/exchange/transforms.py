@@ -27,7 +27,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catalogs.exchange.lenses import angle_of, lens_of, unknown_keys
-from catalogs.exchange.records import ExchangeError, numbers, shown
+from catalogs.exchange.records import ExchangeError, json_text, numbers
 from catalogs.files.png import PngError, check_png
 from catalogs.vocabulary.cameras import Camera
 from catalogs.vocabulary.words import shortened
@@ -125,7 +125,7 @@ def _refuse(constant: str) -> None:
 
 def _row(folder: Path, frame: Any, split: str, common: Mapping[str, Any], place: str) -> _Row:
     if not isinstance(frame, dict):
-        raise ExchangeError(f"{place}: a frame must be an object, got {shown(frame)}")
+        raise ExchangeError(f"{place}: a frame must be an object, got {json_text(frame)}")
     missing = [key for key in ("file_path", "transform_matrix") if key not in frame]
     if "params" not in frame and "time" not in frame:
         missing.append("params")
@@ -133,7 +133,7 @@ def _row(folder: Path, frame: Any, split: str, common: Mapping[str, Any], place:
         raise ExchangeError(f"{place} lacks {', '.join(missing)}")
     params = frame.get("params", [])
     if not isinstance(params, list) or (not params and "params" in frame):
-        raise ExchangeError(f"{place}: params must be a list of numbers, got {shown(params)}")
+        raise ExchangeError(f"{place}: params must be a list of numbers, got {json_text(params)}")
     values = numbers(params, (len(params),), f"{place}: params").tolist()
     time = float(numbers(frame["time"], (), f"{place}: time")) if "time" in frame else None
     pose = world_to_camera(numbers(frame["transform_matrix"], (4, 4), f"{place}: transform_matrix"), place)
@@ -149,10 +149,12 @@ def _row(folder: Path, frame: Any, split: str, common: Mapping[str, Any], place:
 def _inside(folder: Path, text: Any, place: str) -> Path:
     """The image `text`: a regular file of this folder, reached without links."""
     if not isinstance(text, str) or not text or "\x00" in text or "\\" in text:
-        raise ExchangeError(f"{place}: file_path must be a relative path with '/', got {shown(text)}")
+        raise ExchangeError(f"{place}: file_path must be a relative path with '/', got {json_text(text)}")
     relative = PurePosixPath(text)
     if relative.is_absolute() or ".." in relative.parts:
-        raise ExchangeError(f"{place}: file_path {shown(text)} leaves the data set: nothing outside {folder} is read")
+        raise ExchangeError(
+            f"{place}: file_path {json_text(text)} leaves the data set: nothing outside {folder} is read"
+        )
     if relative.suffix.lower() != ".png":
         relative = relative.with_name(f"{relative.name}.png") if relative.name else relative
     path = folder / relative
@@ -162,7 +164,7 @@ def _inside(folder: Path, text: Any, place: str) -> Path:
         if not path.is_file():
             raise ExchangeError(f"{place}: {path} is missing (only PNG is read)")
     except OSError as error:
-        raise ExchangeError(f"{place}: {shown(text)} can't be looked up: {error}") from error
+        raise ExchangeError(f"{place}: {json_text(text)} can't be looked up: {error}") from error
     return path
 
 

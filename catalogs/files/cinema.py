@@ -157,11 +157,11 @@ def parameter_labels(names: Sequence[str], others: Sequence[str]) -> list[str]:
     """Labels of parameters' columns beside `others`: the names, but "parameter_theta" for one that a rule or a column forbids."""
     labels: list[str] = []
     for name in names:
-        taken, label, stem = {*others, *labels, *names}, name, "parameter_" + FILE.sub(r"\1_\2", name.strip())
+        used, label, stem = {*others, *labels, *names}, name, "parameter_" + FILE.sub(r"\1_\2", name.strip())
         for number in itertools.count(2):
             if label not in {*others, *labels} and not is_file_column(label) and not header_problems([label]):
                 break
-            label = stem if stem not in taken else f"{stem}_{number}"
+            label = stem if stem not in used else f"{stem}_{number}"
         labels.append(label)
     return labels
 

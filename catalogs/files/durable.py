@@ -95,14 +95,16 @@ def write(path: Path, data: bytes) -> None:
     _put(path, "wb", data)
 
 
-def require_writable(folder: Path) -> None:
-    """Raise OSError where no file can be written into a folder, which is there or made."""
-    make_folder(folder)
+def require_writable(path: Path, remedy: str = "nothing can be written there") -> None:
+    """Raise OSError, with a remedy, where nothing can be written at `path`: tried where it would be, and left as it was."""
+    place = path.absolute()
+    while not os.path.lexists(place):
+        place = place.parent
     try:
-        with tempfile.TemporaryFile(dir=folder) as file:
-            file.write(bytes(BLOCK))
+        with tempfile.TemporaryDirectory(prefix=".gs-", dir=place) as folder:
+            write(Path(folder, "block"), bytes(BLOCK))
     except OSError as error:
-        raise OSError(error.errno, f"nothing can be written there: {error.strerror}", str(folder)) from None
+        raise OSError(error.errno, f"{error.strerror}: {remedy}", str(path)) from None
 
 
 def append(path: Path, data: bytes) -> None:

@@ -128,9 +128,9 @@ def read_image(path: Path, *, dtype: str = "uint8") -> NDArray[Any]:
     return in_memory(_four_channels(read_stored(path), path), dtype)
 
 
-def in_memory(stored: NDArray[Any], dtype: str = "uint8") -> NDArray[Any]:
+def in_memory(image: NDArray[Any], dtype: str = "uint8") -> NDArray[Any]:
     """Premultiplied RGBA [H, W, 4], "uint8" or "float32", of stored RGBA, which is straight where it is uint8."""
-    rgba = premultiply(stored) if stored.dtype == np.uint8 else stored
+    rgba = premultiply(image) if image.dtype == np.uint8 else image
     return to_float(rgba) if dtype == "float32" else to_bytes(rgba)
 
 

@@ -75,9 +75,9 @@ class Pack:
             raise PackError(f"{self.path} is damaged: image {number}: {error}") from error
         if len(data) != raw or not inflater.eof or inflater.unused_data:
             raise PackError(f"{self.path} is damaged: image {number} does not fill {self.width}x{self.height} pixels")
-        stored = np.frombuffer(data, self.dtype)
-        stored = stored if sys.byteorder == "little" else stored.byteswap()
-        return stored.reshape(self.height, self.width, MOST_CHANNELS)
+        values = np.frombuffer(data, self.dtype)
+        values = values if sys.byteorder == "little" else values.byteswap()
+        return values.reshape(self.height, self.width, MOST_CHANNELS)
 
     def file(self, number: int) -> tuple[bytes, bool]:
         """The image's file, PNG or EXR, and True where its bytes equal the original's, False where only the pixels do."""

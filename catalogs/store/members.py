@@ -113,11 +113,11 @@ class Member:
         return max(self.split, self.view_splits[view], setting.split if setting else "train", key=SPLITS.index)
 
 
-def _of_field(stored: Mapping[str, T], field: str) -> T | None:
-    """Of what is stored by name that of a field; where it is of a single one, of any name."""
-    if field in stored or not stored:
-        return stored.get(field)
-    return next(iter(stored.values())) if not field or "" in stored else None
+def _of_field(by_name: Mapping[str, T], field: str) -> T | None:
+    """Of the values `by_name` that of a field; where it is of a single one, of any name."""
+    if field in by_name or not by_name:
+        return by_name.get(field)
+    return next(iter(by_name.values())) if not field or "" in by_name else None
 
 
 def known_appearances(names: Sequence[str] | None, available: Sequence[str]) -> tuple[str, ...]:

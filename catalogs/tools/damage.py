@@ -88,16 +88,16 @@ def _field_file_problem(member: Member, plan: CatalogPlan, digests: Digests, nam
     if digest and len(plan.fields) < 2 and not durable.special(path) and digest_of_file(path) == digest:
         return None
     try:
-        stored = member.summaries() if name == SUMMARY else member.coarse_fields()
+        contents = member.summaries() if name == SUMMARY else member.coarse_fields()
     except ValueError as error:
         return str(error)
-    shown = shown_fields(a for a in plan.appearances if a.name in set(member.appearances))
+    fields = shown_fields(a for a in plan.appearances if a.name in set(member.appearances))
     fits = (
-        set(stored) == set(shown) if name == SUMMARY else set(stored) <= set(shown)
+        set(contents) == set(fields) if name == SUMMARY else set(contents) <= set(fields)
     )  # none of a field that is all holes
-    if stored and len(plan.fields) > 1 and not fits:
-        return f"{name} is of the fields {list(stored)}, the images of {list(shown)}"
-    unrecorded = not digest and digests.images and name == SUMMARY and stored
+    if contents and len(plan.fields) > 1 and not fits:
+        return f"{name} is of the fields {list(contents)}, the images of {list(fields)}"
+    unrecorded = not digest and digests.images and name == SUMMARY and contents
     return f"{name} {OTHER}" if unrecorded or (digest and digest_of_file(path) != digest) else None
 
 

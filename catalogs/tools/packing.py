@@ -73,8 +73,8 @@ def _transfer(source: Catalog, destination: Path, packed: bool, fill: Fill, prog
     names = [path.name for path in source.member_paths()]
     present = {path.name for path in target.member_paths()}
     for name in sorted(present):
-        stored = target.member(name)
-        if name not in source or replace(source.member(name), cameras=stored.cameras, path=stored.path) != stored:
+        already = target.member(name)
+        if name not in source or replace(source.member(name), cameras=already.cameras, path=already.path) != already:
             raise CatalogError(f"{destination} has a member {name} that {source.path} has not: choose a new folder")
     new = [(source, name) for name in names if name not in present]
     other_bytes = add_members(target, new, fill, progress)

@@ -73,22 +73,22 @@ def repair(path: Path, *, progress: Progress = lambda done, total: None) -> Repa
     written for another description.
     """
     catalog = Catalog.open(path)
-    found = check(path, progress=progress)
-    if wrong := next((finding for finding in found if finding.place == DESCRIPTION), None):
+    findings = check(path, progress=progress)
+    if wrong := next((finding for finding in findings if finding.place == DESCRIPTION), None):
         raise CatalogError(f"{path}: {wrong}")
     mended = list(_renamed_back(catalog))
-    suspects = dict.fromkeys(finding.member for finding in (check(path) if mended else found) if finding.member)
+    suspects = dict.fromkeys(finding.member for finding in (check(path) if mended else findings) if finding.member)
     moved: list[SetAside] = []
 
     def set_aside() -> dict[str, Path]:
         """The suspects that are still damaged, under the catalog's lock."""
-        known = parameters_in(path / TABLE, catalog.plan) if suspects else {}
+        table = parameters_in(path / TABLE, catalog.plan) if suspects else {}
         for name in suspects:
             folder = path / MEMBERS / name
-            mended.extend(_restored(catalog, folder, known))
+            mended.extend(_restored(catalog, folder, table))
             problems = tuple(lasting_problems(catalog, folder)) if folder.exists() or folder.is_symlink() else ()
             if problems:
-                values = _parameters(catalog, folder, known)
+                values = _parameters(catalog, folder, table)
                 moved.append(SetAside(name, _free(path / DAMAGED / name), problems, values))
         return {member.name: member.path for member in moved}
 
@@ -179,26 +179,26 @@ def _free(path: Path) -> Path:
     return path if not path.exists() else next(place for place in candidates if not place.exists())
 
 
-def _restored(catalog: Catalog, folder: Path, known: Known) -> Iterator[str]:
+def _restored(catalog: Catalog, folder: Path, table: Known) -> Iterator[str]:
     """Give a member's record its former parameters back, from the table or its rows, where they alone changed."""
     if own_name(folder):
         return
-    for parameters in _stored_in_rows(catalog, folder, known):
+    for parameters in _stored_in_rows(catalog, folder, table):
         if data := restored_record(folder, parameters):
             durable.replace(folder / RECORD, data)
             yield f"member {folder.name}: {RECORD} has its parameters back, which its rows still held"
             return
 
 
-def _parameters(catalog: Catalog, folder: Path, known: Known) -> Mapping[str, float]:
-    """A damaged member's parameters: from its record where that is right, else from the table, `known`, or its rows."""
+def _parameters(catalog: Catalog, folder: Path, table: Known) -> Mapping[str, float]:
+    """A damaged member's parameters: from its record where that is right, else from the `table`, or its rows."""
     with suppress(CatalogError, OSError):
         return read_member(folder, catalog.plan)[0].parameters
-    return next(_stored_in_rows(catalog, folder, known), {})
+    return next(_stored_in_rows(catalog, folder, table), {})
 
 
-def _stored_in_rows(catalog: Catalog, folder: Path, known: Known) -> Iterator[Mapping[str, float]]:
-    """The member's parameters in the table, `known`, and in its own file of rows."""
-    for rows in (known, parameters_in(folder / ROWS, catalog.plan)):
+def _stored_in_rows(catalog: Catalog, folder: Path, table: Known) -> Iterator[Mapping[str, float]]:
+    """The member's parameters in the `table` and in its own file of rows."""
+    for rows in (table, parameters_in(folder / ROWS, catalog.plan)):
         if folder.name in rows:
             yield rows[folder.name]

@@ -118,8 +118,8 @@ class _Column:
         with suppress(ValueError):  # of mixed columns, which `catalogs check` reports
             numbers = [] if kind is str else [float(cell) for cell in self._cells]
             ends = texts([min(numbers), max(numbers)]) if numbers else ends
-        shown = [end if len(end) <= LONGEST else f"{end[: LONGEST - 3]}..." for end in ends]
-        return [self._label, name, str(len(self._cells)), *shown]
+        ends_text = [end if len(end) <= LONGEST else f"{end[: LONGEST - 3]}..." for end in ends]
+        return [self._label, name, str(len(self._cells)), *ends_text]
 
 
 def _table_lines(path: Path) -> Iterator[str]:

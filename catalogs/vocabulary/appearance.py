@@ -147,8 +147,8 @@ def shown_fields(appearances: Iterable[Appearance]) -> tuple[str, ...]:
 
 def check_fields(appearances: Iterable[Appearance]) -> None:
     """Raise ValueError where some appearances name their field and others do not."""
-    shown = [a for a in appearances if not isinstance(a, ImportedImages)]
-    silent, named = ([a.name for a in shown if bool(a.field) == named] for named in (False, True))
+    rendered = [a for a in appearances if not isinstance(a, ImportedImages)]
+    silent, named = ([a.name for a in rendered if bool(a.field) == named] for named in (False, True))
     if silent and named:
         raise ValueError(
             f"appearances {joined_names(named[:3])} name the field that they show, "

@@ -27,7 +27,7 @@ def continued(values: NDArray[Any], holes: NDArray[np.bool_]) -> NDArray[Any]:
     for offset in NEIGHBOURS:
         here = tuple(slice(max(0, -o), n - max(0, o)) for o, n in zip(offset, values.shape, strict=True))
         there = tuple(slice(max(0, o), n - max(0, -o)) for o, n in zip(offset, values.shape, strict=True))
-        taken = empty[here] & ~holes[there]
-        filled[here][taken] = filled[there][taken]
+        fillable = empty[here] & ~holes[there]
+        filled[here][fillable] = filled[there][fillable]
         empty[here] &= holes[there]
     return filled

@@ -46,10 +46,10 @@ def texts(values: Iterable[float], least: int = 6) -> list[str]:
     numbers = list(values)
     width, count = max(numbers, default=0.0) - min(numbers, default=0.0), len(set(numbers))
     for digits in range(least, 18):
-        found = [text(value, width or abs(value), digits) for value in numbers]
-        if len(set(found)) == count:
+        candidates = [text(value, width or abs(value), digits) for value in numbers]
+        if len(set(candidates)) == count:
             break
-    return found
+    return candidates
 
 
 def positive(value: Any, what: str) -> float:

@@ -53,20 +53,20 @@ def _quantity(name: str, value: Any) -> Quantity:
     return Quantity(name, text(value, f"the unit of field {name!r}"))
 
 
-def quantities_of(quantities: Mapping[str, Quantity], shown: Sequence[str]) -> dict[str, Quantity]:
-    """`given` by the names of the shown fields; a single unnamed field is "".
+def quantities_of(quantities: Mapping[str, Quantity], names: Sequence[str]) -> dict[str, Quantity]:
+    """`quantities` by the names of the shown fields; a single unnamed field is "".
 
     Raises ValueError for fields that are not shown.
     """
-    if tuple(shown) in ((), ("",)) and len(quantities) == 1:
+    if tuple(names) in ((), ("",)) and len(quantities) == 1:
         return {"": next(iter(quantities.values()))}
-    unknown = [name for name in quantities if name not in shown]
+    unknown = [name for name in quantities if name not in names]
     if unknown:
-        if tuple(shown) == ("",):
+        if tuple(names) == ("",):
             raise ValueError(
                 f"the catalog has a single unnamed field: give exactly one entry in fields, got {joined_names(quantities)}"
             )
-        raise ValueError(f"fields describes {joined_names(unknown)}, but the appearances show {joined_names(shown)}")
+        raise ValueError(f"fields describes {joined_names(unknown)}, but the appearances show {joined_names(names)}")
     return dict(quantities)
 
 

@@ -96,7 +96,7 @@ class VariedMembers:
     share: float = 1.0
     compared: int | None = None
 
-    def drawn(self, training: Sequence[str], random: np.random.Generator) -> set[str]:
+    def choose(self, training: Sequence[str], random: np.random.Generator) -> set[str]:
         """Names of the training members that show the variation."""
         exact = round(self.share * len(training), 9)  # 0.07 of 100 members is 7.000000000000001
         count = max(1, math.ceil(exact)) if training else 0
@@ -179,8 +179,8 @@ class Scene:
             raise ValueError(f"scene {path}: {reason}") from error
 
     def __repr__(self) -> str:
-        shown = shortened([appearance.name for appearance in self.appearances])
-        return f"<Scene {self.name}: {len(self.members)} planned members; {self.space}; appearances: {shown}>"
+        appearances = shortened([appearance.name for appearance in self.appearances])
+        return f"<Scene {self.name}: {len(self.members)} planned members; {self.space}; appearances: {appearances}>"
 
     @property
     def variations(self) -> tuple[Variation, ...]:
@@ -188,13 +188,13 @@ class Scene:
 
     def check_tables(self) -> None:
         """Raise ValueError for a table that other parts of the package read later, such as `[training]`, if it is wrong."""
-        known = [appearance.name for appearance in self.appearances]
+        names = [appearance.name for appearance in self.appearances]
         try:
             if self.training:
                 plugins(TABLES_ELSEWHERE).get("training", dict)(self.training)
-            if known and self.training.get("appearance", known[0]) not in known:
+            if names and self.training.get("appearance", names[0]) not in names:
                 raise ValueError(
-                    f"training.appearance must be one of {joined_names(known)}, got {self.training['appearance']!r}"
+                    f"training.appearance must be one of {joined_names(names)}, got {self.training['appearance']!r}"
                 )
         except ValueError as error:
             raise ValueError(f"scene {self.path}: {error}") from None
@@ -208,13 +208,13 @@ class Scene:
         settings = {s.appearance for v in sampled for s in v.variation.settings}
         plain = [a.name for a in self.appearances if a.name not in settings]
         random = np.random.default_rng(self.seed)
-        chosen = [v.drawn(training, random) for v in sampled]
+        chosen = [v.choose(training, random) for v in sampled]
 
-        def shown(member: PlannedMember) -> tuple[str, ...]:
+        def appearances_of(member: PlannedMember) -> tuple[str, ...]:
             of = [v for v, some in zip(sampled, chosen, strict=True) if member.split != "train" or member.name in some]
             return (*plain, *(name for v in of for name in v.shown_by(member.split)))
 
-        return tuple(replace(member, appearances=shown(member)) for member in members)
+        return tuple(replace(member, appearances=appearances_of(member)) for member in members)
 
     def run_directory(self, runs: str | os.PathLike[str] = "runs") -> Path:
         """The folder of this scene's catalog, surrogate and report."""

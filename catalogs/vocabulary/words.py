@@ -10,6 +10,7 @@ from typing import Any
 from catalogs.vocabulary.numbers import text
 
 SPLITS = ("train", "validation", "test")
+FEWEST_LEARNT = 4  # training members; what lies between fewer can only be blended from them
 WIDTH = 120  # characters of a record
 
 
@@ -39,19 +40,19 @@ def plural(count: int, word: str) -> str:
     return f"{count:,} {word}{'' if count == 1 else 's'}"
 
 
-def member_line(member: Any, shown: str) -> str:
-    """One-line `__repr__` of a member: name, split, parameters, and the text `shown`."""
-    return f"<{type(member).__name__} {member.name} ({member.split}): {named_values(member.parameters)}; {shown}>"
+def member_line(member: Any, text: str) -> str:
+    """One-line `__repr__` of a member: name, split, parameters, and `text`."""
+    return f"<{type(member).__name__} {member.name} ({member.split}): {named_values(member.parameters)}; {text}>"
 
 
 def one_line(record: Any) -> str:
     """One-line `__repr__` of a dataclass or named tuple: shapes in place of arrays and tensors, at most `WIDTH` characters."""
     names = getattr(record, "_fields", None) or [field.name for field in fields(record)]
-    text = f"{type(record).__name__}({', '.join(_shown(name, getattr(record, name)) for name in names)})"
+    text = f"{type(record).__name__}({', '.join(_field_text(name, getattr(record, name)) for name in names)})"
     return text if len(text) <= WIDTH else f"{text[: WIDTH - 2]}…)"
 
 
-def _shown(name: str, value: Any) -> str:
+def _field_text(name: str, value: Any) -> str:
     if hasattr(value, "shape"):
         return f"{name}{list(value.shape)}"
     if isinstance(value, Mapping):

@@ -163,10 +163,10 @@ class Background:
     def _say_waiting(self) -> None:
         if self._settled_some and not self._warned_of_waiting:  # the first member also waits for a renderer to start
             self._warned_of_waiting = True
-            held = f"{len(self._memories)} member{'s are' if len(self._memories) > 1 else ' is'}"
+            waiting = f"{len(self._memories)} member{'s are' if len(self._memories) > 1 else ' is'}"
             self._warn(
                 RendererWarning(
-                    f"rendering is slower than the loop, which waits now: {held} not rendered yet. Render fewer views, "
+                    f"rendering is slower than the loop, which waits now: {waiting} not rendered yet. Render fewer views, "
                     "dump less often, or give the renderer more cores (said once)"
                 )
             )
@@ -219,10 +219,10 @@ class Background:
 
     def _take_results(self, *, wait: bool = False) -> None:
         """Note what the renderer has done; with `wait`, until at least one member is done or given up."""
-        held = len(self._tasks)
+        before = len(self._tasks)
         while self._renderer is not None and self._tasks:
             try:
-                if self._renderer.way.poll(TICK_SECONDS if wait and len(self._tasks) == held else 0):
+                if self._renderer.way.poll(TICK_SECONDS if wait and len(self._tasks) == before else 0):
                     self._settle(*self._renderer.way.recv())
                     continue
             except (OSError, EOFError):
@@ -232,7 +232,7 @@ class Background:
             self._progress(images)
             if clock.monotonic() - beat > SILENCE_SECONDS:
                 self._renderer.process.kill()
-            elif not wait or len(self._tasks) < held:
+            elif not wait or len(self._tasks) < before:
                 return
 
     def _settle(self, outcome: RenderedMember | str, notes: tuple[str, ...] = ()) -> None:
@@ -301,8 +301,8 @@ def python() -> str:
     names = ("python3", "python", f"python{sys.version_info.major}.{sys.version_info.minor}")
     if sys.executable and Path(sys.executable).name.startswith(("python", "pypy")):
         return sys.executable
-    found = [Path(sys.prefix) / "bin" / name for name in names]
-    return next((str(path) for path in found if path.exists()), shutil.which("python3") or "python3")
+    paths = [Path(sys.prefix) / "bin" / name for name in names]
+    return next((str(path) for path in paths if path.exists()), shutil.which("python3") or "python3")
 
 
 def _search_path() -> str:

@@ -66,13 +66,13 @@ class _Packer(pickle.Pickler):
 
 
 class _Unpacker(pickle.Unpickler):
-    def __init__(self, stream: io.BytesIO, held: Any) -> None:
+    def __init__(self, stream: io.BytesIO, memory: Any) -> None:
         super().__init__(stream)
-        self._held = held
+        self._memory = memory
 
     def persistent_load(self, place: Any) -> NDArray[Any]:
         start, shape, dtype = place
-        return np.ndarray(shape, dtype, self._held, start)
+        return np.ndarray(shape, dtype, self._memory, start)
 
 
 def _write(array: NDArray[Any], memory: int, start: int) -> int:

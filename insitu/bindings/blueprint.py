@@ -53,8 +53,8 @@ class BlueprintSession:
             field = partial(data_set, leaves)
         except ValueError as error:  # the session decides what becomes of it, on all ranks
             state, field = {}, partial(_fail, error)
-        known = {name: value for name, value in state.items() if value is not None}
-        provenance = {**known, **(options.pop("provenance", None) or {})}
+        recorded = {name: value for name, value in state.items() if value is not None}
+        provenance = {**recorded, **(options.pop("provenance", None) or {})}
         return self.session.render_member(field, parameters, provenance=provenance, **options)
 
     def finalize(self) -> None:

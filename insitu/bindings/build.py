@@ -70,10 +70,10 @@ def build(folder: Path) -> list[Path]:
     with tempfile.TemporaryDirectory(dir=folder) as scratch:
         Path(scratch, HEADER).write_text(sources[HEADER])
         try:
-            made = Path(builder.compile(tmpdir=scratch, target=LIBRARY))
+            library = Path(builder.compile(tmpdir=scratch, target=LIBRARY))
         except Exception as error:
             raise BuildError(f"the compiler failed: {error}") from error
-        made.replace(folder / LIBRARY)
+        library.replace(folder / LIBRARY)
     for name in (HEADER, MODULE):
         (folder / name).write_text(sources[name])
     return [folder / name for name in (LIBRARY, HEADER, MODULE)]

@@ -68,7 +68,7 @@ class LibraryCalls:
             options = all_or_none(ranks, lambda: vars(PlanOptions.of_scene(loaded, loaded.space)))
             session = Session(catalog, comm=comm, existing="skip", warn=_warn, **options)
             self._begin_anew(session, ranks)
-            self._space, self._shown = loaded.space, shown_fields(loaded.appearances)
+            self._space, self._field_names = loaded.space, shown_fields(loaded.appearances)
             return DONE
 
         return self._try(begin, FAILED)
@@ -119,14 +119,14 @@ class LibraryCalls:
         """See insitu.h."""
 
         def draw() -> int:
-            session = self._known()
+            session = self._initialized_session()
             fields: Any = self._fields if self._fields.keys() - {""} else self._fields.get("")
             refused = next(iter(self._refused.values()), None)
             if fields is None and self._ranks is SINGLE:
                 refused = TypeError("the member has no field: call insitu_set_field before insitu_render")
             try:
-                given = fields if refused is None else partial(_fail, refused)
-                session.render_member(given, dict(self._parameters), time=_time(time), **self._place)
+                field = fields if refused is None else partial(_fail, refused)
+                session.render_member(field, dict(self._parameters), time=_time(time), **self._place)
             finally:
                 self._fields, self._refused = {}, {}
             return DONE
@@ -135,13 +135,15 @@ class LibraryCalls:
 
     def has(self, time: float) -> int:
         """See insitu.h."""
-        return self._try(lambda: int(self._known().has(dict(self._parameters), time=_time(time))), UNKNOWN)
+        return self._try(
+            lambda: int(self._initialized_session().has(dict(self._parameters), time=_time(time))), UNKNOWN
+        )
 
     def finalize(self) -> int:
         """See insitu.h."""
 
         def end() -> int:
-            session = self._known()
+            session = self._initialized_session()
             self._begin_anew(None, SINGLE)
             session.close()
             return DONE
@@ -161,10 +163,10 @@ class LibraryCalls:
             raise ValueError(f"field {name!r}: shape must be three positive numbers (x, y, z), got {shape}")
         if min(shape) < least:
             raise ValueError(f"field {name!r}: shape must be at least 2 samples along x, y and z, got {shape}")
-        named = self._shown not in ((), ("",))
-        if named and name not in self._shown:
+        named = self._field_names not in ((), ("",))
+        if named and name not in self._field_names:
             raise ValueError(
-                f"field {name!r} is shown by no appearance of the scene: they show {joined_names(self._shown)}"
+                f"field {name!r} is shown by no appearance of the scene: they show {joined_names(self._field_names)}"
             )
         for other, values in self._fields.items():
             if other != name and not named:
@@ -177,14 +179,14 @@ class LibraryCalls:
                     f"field {name!r} has the shape {shape}, but {other!r} {values.shape[::-1]}: the fields of a member share one"
                 )
 
-    def _known(self) -> Session:
+    def _initialized_session(self) -> Session:
         if self._session is None:
             raise ValueError("insitu_initialize must be called, and succeed, before")
         return self._session
 
     def _set(self, function: str, take: Callable[[], None]) -> int:
         def work() -> int:
-            self._known()
+            self._initialized_session()
             take()
             self._refused.pop(SETTERS[function], None)
             return DONE

@@ -56,11 +56,11 @@ class _Pointers:
         return pointer
 
     def text(self, pointer: Any, what: str) -> str:
-        found: bytes = self._ffi.string(self.present(pointer, what))
+        data: bytes = self._ffi.string(self.present(pointer, what))
         try:
-            return found.decode()
+            return data.decode()
         except UnicodeDecodeError:
-            raise ValueError(f"{what} must be UTF-8 text, got {found!r}") from None
+            raise ValueError(f"{what} must be UTF-8 text, got {data!r}") from None
 
     def path(self, pointer: Any) -> str:
         return "" if pointer == self._ffi.NULL else os.fsdecode(self._ffi.string(pointer))

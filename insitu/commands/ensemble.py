@@ -70,25 +70,25 @@ def ensemble(
         looks = Looks.of(catalog, scene, appearance, size, target_decibels)
         options = ReadingOptions(**reading).as_in(looks.catalog.plan if looks.catalog else None)
         nan = options.nan or "refuse"
-        stored = options.open(sources, looks.given or looks.known)
-        members = stored.members(validation, seed) if validation else looks.split_as_stored(stored.members())
-        click.echo(str(stored), err=True)
-        looks.options(stored.space, options)  # its mistakes are found before a field is read
+        source = options.open(sources, looks.appearances or looks.catalog_appearances)
+        members = source.members(validation, seed) if validation else looks.split_as_stored(source.members())
+        click.echo(str(source), err=True)
+        looks.options(source.space, options)  # its mistakes are found before a field is read
         if looks.catalog is None:
-            Once(how["warn"]).say("", [*notes_on_ensemble(members, stored.space), *stored.notes])
+            Once(how["warn"]).say("", [*notes_on_ensemble(members, source.space), *source.notes])
         if looks.scene is not None:
             members = looks.scene.assigned(members)
-        elif not looks.given and not looks.known:
-            suggestions = [suggestion for _, suggestion in suggested(pilots(stored, members, 5, nan)).values()]
+        elif not looks.appearances and not looks.catalog_appearances:
+            suggestions = [suggestion for _, suggestion in suggested(pilots(source, members, 5, nan)).values()]
             click.echo("\n".join(suggestion.toml() for suggestion in suggestions))
-            looks = replace(looks, given=tuple(suggestion.appearance for suggestion in suggestions))
-        plan, how = looks.options(stored.space, options), {**how, "nan": nan}
+            looks = replace(looks, appearances=tuple(suggestion.appearance for suggestion in suggestions))
+        plan, how = looks.options(source.space, options), {**how, "nan": nan}
         plan = replace(plan, coarse_field=plan.coarse_field and not no_coarse_field)
         with engine_at(line, engine, workers, catalog) as where:
             if add_coarse_fields:
-                result = coarse.add_coarse_fields(catalog, members, stored, plan, **how, **where)
+                result = coarse.add_coarse_fields(catalog, members, source, plan, **how, **where)
             else:
-                result = run_ensemble(catalog, members, stored, plan, existing=existing, **how, **where)
+                result = run_ensemble(catalog, members, source, plan, existing=existing, **how, **where)
         line.close()
         if add_coarse_fields:
             click.echo(f"{catalog}: coarse fields of {plural(len(result.rendered), 'member')} added")

@@ -17,6 +17,6 @@ def library(folder: Path) -> None:
     from insitu.bindings.build import BuildError, build
 
     with one_line_errors(BuildError):
-        made = build(folder)
-    for path in made:
+        paths = build(folder)
+    for path in paths:
         click.echo(path)

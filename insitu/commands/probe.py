@@ -49,10 +49,10 @@ def probe(
     with command():
         reading = ReadingOptions(arrays=arrays, parameters=parameters, names=names, spacing=spacing or None, **codes)
         fields = _read(sources, count, reading, nan or "refuse")
-        for name, (found, suggestion) in suggested(fields, alpha).items():
+        for name, (measured, suggestion) in suggested(fields, alpha).items():
             if len(fields) > 1:
                 click.echo(f"field {name}")
-            click.echo(str(found))
+            click.echo(str(measured))
             click.echo(f"mean foreground alpha by member: {', '.join(f'{a:.2f}' for a in suggestion.alphas)}\n")
             click.echo(suggestion.toml())
             if preview is not None:
@@ -76,13 +76,13 @@ def _read(sources: tuple[Path, ...], count: int, reading: ReadingOptions, nan: s
         from catalogs.vocabulary.scene import Scene
         from insitu.ensembles.sources import ensemble_of
 
-        asked = ensemble_of(Scene.load(first))
-        return _chosen(pilots(asked.source, asked.members, count, nan, asked.space), arrays)
+        ensemble = ensemble_of(Scene.load(first))
+        return _chosen(pilots(ensemble.source, ensemble.members, count, nan, ensemble.space), arrays)
     from insitu.readers.files import read_field
 
     if len(sources) == 1 and is_ensemble(first):
-        stored = reading.open([str(first)])
-        return pilots(stored, stored.members(), count, nan)
+        source = reading.open([str(first)])
+        return pilots(source, source.members(), count, nan)
     place = reading.location
     how: dict[str, Any] = {"spacing": place.spacing, "origin": place.origin, "dims": place.dims, "nan": nan}
     how |= {"reader": reading.reader, "sampling": reading.sampling}

@@ -105,8 +105,8 @@ class ReadingOptions:
         """The options that a catalog remembers, beside its source of fields."""
         from insitu.members.agreement import READING
 
-        held = {name: getattr(self, name) for name in ("parameters", "names", "split", "reader", "mesh", "nan")}
-        return {READING: {name: str(value) for name, value in held.items() if value}}
+        options = {name: getattr(self, name) for name in ("parameters", "names", "split", "reader", "mesh", "nan")}
+        return {READING: {name: str(value) for name, value in options.items() if value}}
 
     def as_in(self, plan: CatalogPlan | None) -> ReadingOptions:
         """The options with those of an existing catalog where they are left out; of `insitu probe` and a new one as they are."""
@@ -116,11 +116,11 @@ class ReadingOptions:
 
         source, chosen = plan.provenance.get(SOURCE, {}), plan.provenance.get(READING, {})
         one = (source["dataset"],) if "dataset" in source else ()
-        given = {name for name, *_ in self.bounds}
+        names = {name for name, *_ in self.bounds}
         return replace(
             self,
             arrays=self.arrays or tuple(source.get("arrays") or source.get("datasets") or one),
-            bounds=(*self.bounds, *((p.name, p.low, p.high) for p in plan.space.parameters if p.name not in given)),
+            bounds=(*self.bounds, *((p.name, p.low, p.high) for p in plan.space.parameters if p.name not in names)),
             units=self.units or ",".join(p.unit for p in plan.space.parameters),
             spacing=self.spacing or source.get("spacing"),
             origin=self.origin or source.get("origin"),
@@ -132,8 +132,8 @@ class ReadingOptions:
             **{name: getattr(self, name) or chosen.get(name) for name in ("parameters", "names", "split", "nan")},
         )
 
-    def open(self, sources: Sequence[str], shown: Any = ()) -> StoredEnsemble | FileEnsemble:
-        """The ensemble of a table, a pattern, a folder, one file or several; `shown` are the appearances that name its fields.
+    def open(self, sources: Sequence[str], appearances: Any = ()) -> StoredEnsemble | FileEnsemble:
+        """The ensemble of a table, a pattern, a folder, one file or several; `appearances` name its fields.
 
         Raises ValueError or FileNotFoundError naming what is missing.
         """
@@ -142,7 +142,7 @@ class ReadingOptions:
         from insitu.readers.layout import FileMapping
         from insitu.readers.stored import StoredEnsemble
 
-        arrays = self.arrays or tuple(filter(None, shown_fields(shown)))
+        arrays = self.arrays or tuple(filter(None, shown_fields(appearances)))
         if not self._is_one_store(sources):
             return self._files(sources, arrays)
         if ignored := self.sampling.identity:
@@ -155,10 +155,10 @@ class ReadingOptions:
             self.split,
             listed(self.dims) or None,
         )
-        stored = StoredEnsemble.open(sources[0], mapped, spacing=self.spacing, origin=self.origin, bounds=self.ranges)
-        if shown:
-            check_names(stored.fields, shown, shown)
-        return stored
+        ensemble = StoredEnsemble.open(sources[0], mapped, spacing=self.spacing, origin=self.origin, bounds=self.ranges)
+        if appearances:
+            check_names(ensemble.fields, appearances, appearances)
+        return ensemble
 
     def _is_one_store(self, sources: Sequence[str]) -> bool:
         """True if it is one HDF5, netCDF or Zarr file with all members, written by no code that is known."""
@@ -265,13 +265,13 @@ def pilots(source: Any, members: Any, count: int, nan: str, space: Any = None) -
             break
         click.echo(f"reading {member.name} {dict(member.parameters)}", err=True)
         try:
-            held = source.field(member, lambda fraction: None)
+            data = source.field(member, lambda fraction: None)
         except (ValueError, OSError, RuntimeError) as error:
             failed.append(error)
             if len(failed) == count:
                 break
             continue
-        for name, field in (held if isinstance(held, dict) and not is_labelled_set(held) else {"": held}).items():
+        for name, field in (data if isinstance(data, dict) and not is_labelled_set(data) else {"": data}).items():
             try:
                 fields.setdefault(name, {})[member.name] = to_grid(field, nan=nan, warn=False)
             except (TypeError, ValueError) as error:
@@ -288,12 +288,12 @@ def suggested(fields: dict[str, dict[str, Any]], alpha: float = 0.5) -> dict[str
     from insitu.ensembles.probe import probe_fields
     from insitu.ensembles.suggestion import appearance_names, suggest
 
-    found, names = {}, appearance_names(list(fields))
+    suggestions, names = {}, appearance_names(list(fields))
     for name, grids in fields.items():
         probe = probe_fields(grids)
         of = {"name": names[name], "field": name} if len(fields) > 1 else {}
-        found[name] = probe, suggest(probe, list(grids.values()), alpha=alpha, **of)
-    return found
+        suggestions[name] = probe, suggest(probe, list(grids.values()), alpha=alpha, **of)
+    return suggestions
 
 
 @dataclass(frozen=True)
@@ -302,12 +302,12 @@ class Looks:
 
     Attributes
     ----------
-    given : the appearances that a file or a scene states, () without.
+    appearances : those that a file or a scene states, () without.
     catalog : the one that exists.
     """
 
     scene: Scene | None
-    given: tuple[Appearance, ...]
+    appearances: tuple[Appearance, ...]
     catalog: Catalog | None
     size: int | None
     target_decibels: float | None
@@ -325,22 +325,22 @@ class Looks:
         if scene is not None and (appearance is not None or size is not None or target_decibels is not None):
             raise ValueError("a scene says how to render: leave out --appearance, --size and --target-decibels")
         loaded = None if scene is None else Scene.load(scene)
-        given = appearances_from_toml(appearance) if appearance else loaded.appearances if loaded else ()
-        made = Catalog.open(catalog) if is_catalog(catalog) else None
-        looks = cls(loaded, given, made, size, target_decibels)
-        if made is None:
+        appearances = appearances_from_toml(appearance) if appearance else loaded.appearances if loaded else ()
+        existing = Catalog.open(catalog) if is_catalog(catalog) else None
+        looks = cls(loaded, appearances, existing, size, target_decibels)
+        if existing is None:
             check_free(catalog)
         return looks
 
     @property
-    def known(self) -> tuple[Appearance, ...]:
+    def catalog_appearances(self) -> tuple[Appearance, ...]:
         """The appearances of the catalog, if it exists."""
         return () if self.catalog is None else self.catalog.plan.appearances
 
     def split_as_stored(self, members: Sequence[PlannedMember]) -> tuple[PlannedMember, ...]:
         """Members with the splits that the catalog has drawn for them, if it exists."""
-        stored = {} if self.catalog is None else {member.name: member.split for member in self.catalog.members}
-        return tuple(replace(member, split=stored.get(member.name, member.split)) for member in members)
+        splits = {} if self.catalog is None else {member.name: member.split for member in self.catalog.members}
+        return tuple(replace(member, split=splits.get(member.name, member.split)) for member in members)
 
     def options(self, space: ParameterSpace, reading: ReadingOptions) -> PlanOptions:
         """The plan of a catalog of these parameters, read with these options."""
@@ -349,7 +349,7 @@ class Looks:
 
         if self.scene is not None:
             return PlanOptions.of_scene(self.scene, space, reading.record)
-        size = self.size or (None if self.known else 256)
+        size = self.size or (None if self.catalog_appearances else 256)
         views = None if size is None else ViewPlan(width=size, height=size)
-        shown = self.given or None
-        return PlanOptions(space, shown, views, target_decibels=self.target_decibels, provenance=reading.record)
+        appearances = self.appearances or None
+        return PlanOptions(space, appearances, views, target_decibels=self.target_decibels, provenance=reading.record)

@@ -81,8 +81,8 @@ def watch(
         from insitu.ensembles.watch import WatchOptions, space_for
 
         looks = Looks.of(catalog, scene, appearance, size, target_decibels)
-        shown = looks.given or looks.known
-        if not shown:
+        appearances = looks.appearances or looks.catalog_appearances
+        if not appearances:
             raise ValueError(
                 f"a new catalog needs --appearance FILE (`insitu probe` on a dump suggests one); {catalog} does not exist"
             )
@@ -99,7 +99,7 @@ def watch(
             catalog, pattern or "", options.ranges, listed(options.units), more_in_files=bool(options.reader)
         )
         options = options.as_in(looks.catalog.plan if looks.catalog else None)
-        options = replace(options, arrays=options.arrays or tuple(filter(None, shown_fields(shown))))
+        options = replace(options, arrays=options.arrays or tuple(filter(None, shown_fields(appearances))))
         plan, nan = looks.options(space, options), options.nan or "refuse"
         plan = replace(plan, coarse_field=plan.coarse_field and not no_coarse_field)
         if pattern is None:
@@ -173,6 +173,6 @@ def _report(line: ProgressLine, catalog: Path, failures: Mapping[str, str]) -> N
     from insitu.members.planning import is_catalog
 
     line.close()
-    held = {path.name for path in Catalog.open(catalog).member_paths()} if is_catalog(catalog) else set()
-    click.echo(f"{catalog}: {plural(len(held), 'member')}")
-    fail_on({name: why for name, why in failures.items() if name not in held})
+    names = {path.name for path in Catalog.open(catalog).member_paths()} if is_catalog(catalog) else set()
+    click.echo(f"{catalog}: {plural(len(names), 'member')}")
+    fail_on({name: why for name, why in failures.items() if name not in names})

@@ -66,13 +66,13 @@ def add_coarse_fields(
     """
     started, path = clock.perf_counter(), Path(catalog)
     options = replace(options, provenance={SOURCE: dict(source.identity), **options.provenance})
-    made, _ = agreeing_ensemble(path, options, members)
-    if made is None:
+    existing_catalog, _ = agreeing_ensemble(path, options, members)
+    if existing_catalog is None:
         raise ValueError(f"there is no catalog {path}, whose members could be given coarse fields: render it first")
-    stored = stored_members(made, members)
-    there = {name for name, member in stored.items() if has_coarse_fields(member.path, made.plan)}
-    changed = set(changed_members(made, members, source, stored)) if stored else set()
-    lacking = {name: member.name for name, member in stored.items() if name not in there | changed}
+    present = stored_members(existing_catalog, members)
+    there = {name for name, member in present.items() if has_coarse_fields(member.path, existing_catalog.plan)}
+    changed = set(changed_members(existing_catalog, members, source, present)) if present else set()
+    lacking = {name: member.name for name, member in present.items() if name not in there | changed}
     failures = dict.fromkeys(sorted(changed - there), "its file holds another field than was rendered")
     runs = [[m for m in run if m.name in lacking] for run in shard_of(runs_of(source, members), shard)]
     by_task = {run[0].name: run for run in runs if run}

@@ -93,14 +93,14 @@ def make_dataset(
         if only_coarse_fields and not scene.appearances:
             raise ValueError(f"scene {scene.path}: its images were made elsewhere, and no field of them is there")
         if scene.source["kind"] == "nerf":
-            made, failures = _import(scene, folder, show)
+            count, failures = _import(scene, folder, show)
         else:
             how: dict[str, Any] = {"workers": workers, "shard": shard, "engine": engine, "progress": show, "warn": warn}
-            made, failures = _render(scene, folder, simulate, only_coarse_fields, **how)
+            count, failures = _render(scene, folder, simulate, only_coarse_fields, **how)
     finally:
         stopwatch.record()
     members = len(Catalog.open(folder / CATALOG).members)
-    return DatasetResult(folder / CATALOG, members, made, stopwatch.seconds, failures)
+    return DatasetResult(folder / CATALOG, members, count, stopwatch.seconds, failures)
 
 
 def _checked(scene: Scene) -> DatasetResult:

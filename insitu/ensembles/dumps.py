@@ -78,10 +78,10 @@ def runs_of(source: FieldSource, members: Sequence[PlannedMember]) -> list[Membe
 
 def runs_in_time(members: Sequence[PlannedMember]) -> list[tuple[PlannedMember, ...]]:
     """The members grouped by run, those that are equal in all parameters but "time", and each run's in the order of time."""
-    found: dict[tuple[tuple[str, float], ...], list[PlannedMember]] = {}
+    runs: dict[tuple[tuple[str, float], ...], list[PlannedMember]] = {}
     for member in members:
-        found.setdefault(tuple(sorted(but_time(member).items())), []).append(member)
-    return [tuple(sorted(run, key=lambda m: m.parameters[TIME])) for run in found.values()]
+        runs.setdefault(tuple(sorted(but_time(member).items())), []).append(member)
+    return [tuple(sorted(run, key=lambda m: m.parameters[TIME])) for run in runs.values()]
 
 
 def but_time(member: PlannedMember) -> dict[str, float]:
@@ -104,16 +104,16 @@ def dumps_of(source: FieldSource, run: MemberRun, cache: Path | None) -> Iterato
 
     Where the source raises an error, it stands in the place of the rest of the run's fields.
     """
-    stored = set() if cache is None else {m.name for m in run if load_field(cache, m.name, identity_of(source, m))}
+    cached = set() if cache is None else {m.name for m in run if load_field(cache, m.name, identity_of(source, m))}
     awaited = ""
 
     def progress(fraction: float) -> None:
         send(WorkerReport(awaited, "simulate", fraction))
 
-    computed = _computed(source, [m for m in run if m.name not in stored], progress)
+    computed = _computed(source, [m for m in run if m.name not in cached], progress)
     error: Exception | None = None
     for member in run:
-        if cache is not None and member.name in stored:
+        if cache is not None and member.name in cached:
             yield Dump(member, load_field(cache, member.name, identity_of(source, member)), None)
             continue
         awaited, started, field = member.name, clock.perf_counter(), None

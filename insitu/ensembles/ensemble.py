@@ -114,18 +114,18 @@ def run_ensemble(
     started, path = clock.perf_counter(), Path(catalog)
     runs = runs_of(source, members)
     options = replace(options, provenance={SOURCE: dict(source.identity), **options.provenance})
-    made, space = agreeing_ensemble(path, options, members)
-    present, changed = _present(path, made, members, source, existing)
+    existing_catalog, space = agreeing_ensemble(path, options, members)
+    present, changed = _present(path, existing_catalog, members, source, existing)
     todo, skipped = _split_off(shard_of(runs, shard), present)
     if not todo:
         Catalog.open(path).rebuild_table()  # writes only where a killed run left the table behind its members
         return EnsembleResult((), skipped, _unread(source, path), clock.perf_counter() - started)
     count = min(workers or available_cores(), len(todo))
     with single_threaded(), nullcontext(engine) if engine else local_engine(count, executor) as hands:
-        kept = cache if source.expensive else None
+        field_cache = cache if source.expensive else None
         show, once = progress or (lambda state: None), Once(warn or warn_caller)
-        work = _EnsembleRun(path, source, nan, kept, hands, show, once, changed, options.coarse_field)
-        if made is None:
+        work = _EnsembleRun(path, source, nan, field_cache, hands, show, once, changed, options.coarse_field)
+        if existing_catalog is None:
             work.plan(runs, pilot_members(members, space), options, sum(map(len, todo)))
         rendered, there, failures = work.render(todo)
         once.repeat(rendered)
@@ -141,8 +141,8 @@ def pilot_members(members: Sequence[PlannedMember], space: ParameterSpace, count
     """
     training = [m for m in members if m.split == "train"] or list(members)
     points = space.normalize([[m.parameters[n] for n in space.names] for m in training])  # [M, P]
-    taken = farthest_points(points, count, int(np.argmin(points.sum(axis=1))))
-    return [training[i] for i in taken]
+    numbers = farthest_points(points, count, int(np.argmin(points.sum(axis=1))))
+    return [training[i] for i in numbers]
 
 
 def available_cores() -> int:
@@ -175,11 +175,11 @@ class _EnsembleRun:
         """Make the catalog from what the pilots show; raises what the first failing pilot raised."""
         tracker = Tracker(members, 0, field_share=1.0)
         names = {m.name for m in pilots}
-        found: dict[str, Pilot] = {}
+        pilot_by_name: dict[str, Pilot] = {}
         failures: dict[str, BaseException] = {}
 
         def done(_: str, measured: dict[str, Pilot]) -> None:
-            found.update(measured)
+            pilot_by_name.update(measured)
             for name, pilot in measured.items():
                 tracker.idle(name)
                 self.once.say(name, pilot.notes)
@@ -190,24 +190,26 @@ class _EnsembleRun:
             if names & {m.name for m in run}
         }
         self.engine.run(tasks, done, failures.__setitem__, partial(self._tick, tracker))
-        if not found:
+        if not pilot_by_name:
             raise next(iter(failures.values()))  # a pilot that fails alone is reported when its turn comes
-        create_catalog(self.path, combine_pilots([found[m.name] for m in pilots if m.name in found]), options)
+        create_catalog(
+            self.path, combine_pilots([pilot_by_name[m.name] for m in pilots if m.name in pilot_by_name]), options
+        )
 
     def render(self, runs: Sequence[MemberRun]) -> tuple[list[RenderedMember], list[str], dict[str, str]]:
         """The rendered members, the names of members found stored all the same, and the reasons of failures by name."""
         catalog = Catalog.open(self.path)
         plan, members = catalog.plan, [m for run in runs for m in run]
         parameters = {m.name: m.parameters for m in members}
-        shown = [len(plan.appearances if m.appearances is None else m.appearances) for m in members]
-        images = round(len(plan.cameras) * sum(shown) / max(1, len(shown)))
+        appearance_counts = [len(plan.appearances if m.appearances is None else m.appearances) for m in members]
+        images = round(len(plan.cameras) * sum(appearance_counts) / max(1, len(appearance_counts)))
         tracker = Tracker(len(members), images, field_share=0.5 if self.source.expensive else 0.02)
         by_task = {run[0].name: run for run in runs}
         rendered: list[RenderedMember] = []
         there: list[str] = []
         failures: dict[str, str] = {}
 
-        def made(outcome: MemberOutcome) -> None:
+        def finish(outcome: MemberOutcome) -> None:
             if outcome.rendered is None:
                 failures[outcome.name] = outcome.failure
                 with suppress(OSError):  # a disk that refuses has no say
@@ -223,17 +225,17 @@ class _EnsembleRun:
                 drop_field(self.cache, outcome.name)
 
         def settle(task: str, outcomes: Sequence[MemberOutcome], reason: str = "") -> None:
-            known = {outcome.name: outcome for outcome in outcomes}
+            by_name = {outcome.name: outcome for outcome in outcomes}
             for member in by_task[task]:
-                if member.name in known:
-                    made(known[member.name])
+                if member.name in by_name:
+                    finish(by_name[member.name])
                 elif not reason or (
                     member.name in catalog and member.name not in self.replaced
                 ):  # by a worker before it died, or by another process
                     there.append(member.name)
                     tracker.done(member.name, images)
                 else:
-                    made(MemberOutcome(member.name, failure=reason))
+                    finish(MemberOutcome(member.name, failure=reason))
 
         def failed(task: str, error: BaseException) -> None:
             settle(task, getattr(error, "outcomes", ()), reason_of(error))
@@ -267,11 +269,11 @@ def agreeing_ensemble(
     catalog = agreeing_catalog(path, options)
     if catalog is None:
         check_new(path, options)
-    space, known = check_complete(options) if catalog is None else (catalog.plan.space, catalog.plan.appearances)
+    space, appearances = check_complete(options) if catalog is None else (catalog.plan.space, catalog.plan.appearances)
     for member in members:
         try:
-            asked = MemberArguments(member.parameters, member.name, member.split, appearances=member.appearances)
-            member_request(space, known, asked)
+            arguments = MemberArguments(member.parameters, member.name, member.split, appearances=member.appearances)
+            member_request(space, appearances, arguments)
         except ValueError as error:
             raise ValueError(f"member {member.name}: {error}") from None
     differences = [] if catalog is None else misplaced(catalog, members)
@@ -281,23 +283,23 @@ def agreeing_ensemble(
 
 
 def _present(
-    path: Path, made: Catalog | None, members: Sequence[PlannedMember], source: FieldSource, existing: Existing
+    path: Path, catalog: Catalog | None, members: Sequence[PlannedMember], source: FieldSource, existing: Existing
 ) -> tuple[set[str], frozenset[str]]:
     """Names of stored members that stay, and of those to render anew; raises ValueError where `existing` forbids these."""
-    if made is None:
+    if catalog is None:
         return set(), frozenset()
-    stored = stored_members(made, members)
-    changed = [] if existing == "skip" else changed_members(made, members, source, stored)
+    present = stored_members(catalog, members)
+    changed = [] if existing == "skip" else changed_members(catalog, members, source, present)
     if existing == "error":
         _refuse_changed(path, changed)
-    return stored.keys() - set(changed), frozenset(changed)
+    return present.keys() - set(changed), frozenset(changed)
 
 
 def stored_members(catalog: Catalog, members: Sequence[PlannedMember]) -> dict[str, Member]:
     """Stored members by the names of planned ones: of the same name, else of the same parameters."""
-    found, names = catalog.members, catalog.plan.space.names
-    by_name = {m.name: m for m in found}
-    by_values = {tuple(m.parameters[n] for n in names): m for m in found}
+    present, names = catalog.members, catalog.plan.space.names
+    by_name = {m.name: m for m in present}
+    by_values = {tuple(m.parameters[n] for n in names): m for m in present}
     same = {m.name: by_name.get(m.name) or by_values.get(tuple(m.parameters[n] for n in names)) for m in members}
     return {name: member for name, member in same.items() if member is not None}
 
@@ -316,16 +318,16 @@ def _split_off(
 
 
 def changed_members(
-    catalog: Catalog, members: Sequence[PlannedMember], source: FieldSource, stored: Mapping[str, Member]
+    catalog: Catalog, members: Sequence[PlannedMember], source: FieldSource, present: Mapping[str, Member]
 ) -> list[str]:
     """Planned members whose file holds something else than was stored; where none is stored, the first if the plan's does."""
     if not isinstance(source, FileSource):
         return []
-    if not stored:
+    if not present:
         before = catalog.plan.provenance.get(SOURCE, {})
         return [m.name for m in members[:1] if source.is_changed(m, before)]
-    held = [m for m in members if m.name in stored]
-    return [m.name for m in held if source.is_changed(m, stored[m.name].provenance.get(SOURCE, {}))]
+    common = [m for m in members if m.name in present]
+    return [m.name for m in common if source.is_changed(m, present[m.name].provenance.get(SOURCE, {}))]
 
 
 def _refuse_changed(path: Path, changed: Sequence[str]) -> None:

@@ -116,9 +116,9 @@ class FileEnsemble:
         )
 
     def __repr__(self) -> str:
-        shown = ", ".join(self.arrays) or "one array"
+        arrays = ", ".join(self.arrays) or "one array"
         count = len({row.path for row in self.rows.values()})
-        return f"FileEnsemble: {plural(len(self), 'member')} in {plural(count, 'file')} of {shown}"
+        return f"FileEnsemble: {plural(len(self), 'member')} in {plural(count, 'file')} of {arrays}"
 
     def __str__(self) -> str:
         return f"{self!r}\n  {self.space}"
@@ -137,9 +137,9 @@ class FileEnsemble:
     @property
     def identity(self) -> Mapping[str, Any]:
         place = self.location
-        given = {"spacing": place.spacing, "origin": place.origin, "dims": place.dims}
-        given = {key: list(values) for key, values in given.items() if values}  # type: ignore[misc]
-        return {"kind": "files", "arrays": list(self.arrays), **given, **self.sampling.identity}
+        stated_place = {"spacing": place.spacing, "origin": place.origin, "dims": place.dims}
+        stated_place = {key: list(values) for key, values in stated_place.items() if values}  # type: ignore[misc]
+        return {"kind": "files", "arrays": list(self.arrays), **stated_place, **self.sampling.identity}
 
     def members(self, validation: int = 0, seed: int = 0) -> tuple[PlannedMember, ...]:
         """All members; `validation` of the training ones, drawn by `seed`, are set aside."""
@@ -164,8 +164,8 @@ class FileEnsemble:
         row = self.rows[member.name]
         code = reader_of(row.path, self.reader)
         place = {"file": os.fspath(row.path), "reader": code and code.name, "index": list(row.index)}
-        known = {key: value for key, value in place.items() if value}
-        return {**self.identity, **known, "contents": contents(row.path, beside=self.files(row.path))}
+        nonempty = {key: value for key, value in place.items() if value}
+        return {**self.identity, **nonempty, "contents": contents(row.path, beside=self.files(row.path))}
 
     def is_changed(self, member: PlannedMember, before: Mapping[str, Any]) -> bool:
         """True if the member's file holds something else than when `before` was its `record`."""

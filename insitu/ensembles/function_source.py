@@ -60,8 +60,8 @@ class HookedSource:
 
     @property
     def identity(self) -> Mapping[str, Any]:
-        known = {"kind": "hooked", "script": self.name, "settings": dict(self.settings)}
-        return known | ({"code": self.simulate.code} if isinstance(self.simulate, ScriptFunction) else {})
+        identity = {"kind": "hooked", "script": self.name, "settings": dict(self.settings)}
+        return identity | ({"code": self.simulate.code} if isinstance(self.simulate, ScriptFunction) else {})
 
     def check(self) -> None:
         """Raise FileNotFoundError, ValueError or RuntimeError where a script's function can't be called in this environment."""
@@ -76,21 +76,21 @@ class HookedSource:
         """The fields of some members of one run, one after the other."""
         if not self.in_time:
             for member in run:
-                yield self._taken(self.simulate(dict(member.parameters), **self.settings))
+                yield self._as_fields(self.simulate(dict(member.parameters), **self.settings))
             return
         times = [member.parameters[TIME] for member in run]
         fields = iter(self.simulate(but_time(run[0]), times, **self.settings))
         for _ in times:  # the code is not asked for more than is rendered
-            found = next(fields, None)
-            if found is None:
+            field = next(fields, None)
+            if field is None:
                 return
-            yield self._taken(found)
+            yield self._as_fields(field)
 
     def field(self, member: PlannedMember, progress: Callable[[float], None]) -> Fields:
         """The fields of one member."""
         return next(self.dumps([member], progress))
 
-    def _taken(self, data: Any) -> Fields:
+    def _as_fields(self, data: Any) -> Fields:
         return as_fields(data, self.appearances, FieldLocation(nan=self.nan))
 
 
@@ -163,9 +163,9 @@ def _loaded(path: Path) -> Simulate:
     except BaseException:
         del sys.modules[name]
         raise
-    found = getattr(module, FUNCTION, None)
-    if not callable(found):
+    function = getattr(module, FUNCTION, None)
+    if not callable(function):
         raise ValueError(
             f"{path} has no function {FUNCTION}(parameters, ...), which makes the fields of a hooked scene"
         )
-    return found
+    return function

@@ -77,14 +77,14 @@ def probe_fields(fields: Mapping[str, Any] | Iterable[Any], *, nan: str = "refus
     nan : as in `render_member`; holes are left out.
     """
     named = fields.items() if isinstance(fields, Mapping) else ((f"member {i}", f) for i, f in enumerate(fields))
-    names, ranges, drawn = [], [], []
+    names, ranges, samples = [], [], []
     rng = np.random.default_rng(0)
     for name, data in named:
         grid = to_grid(data, nan=nan, warn=False)
         values = grid.values.ravel() if grid.holes is None else grid.values[~grid.holes]
         names.append(name)
         ranges.append((float(values.min()), float(values.max())))
-        drawn.append(rng.choice(values, SAMPLES) if values.size > SAMPLES else np.resize(values, SAMPLES))
+        samples.append(rng.choice(values, SAMPLES) if values.size > SAMPLES else np.resize(values, SAMPLES))
     if not names:
         raise ValueError("there is no member to probe")
-    return Probe(tuple(names), np.array(ranges), np.stack(drawn))
+    return Probe(tuple(names), np.array(ranges), np.stack(samples))

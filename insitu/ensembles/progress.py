@@ -112,9 +112,9 @@ class Tracker:
             return None  # pilots: how long drawing takes is not known yet
         whole = self._field_seconds + self._render_seconds
         share = self._field_seconds / whole if whole > 0 else self._field_share
-        drawn = sum(self._images.values()) / self._images_per_member
+        rendered = sum(self._images.values()) / self._images_per_member
         computed = sum(self._fields.values())
-        done = share * computed + (1.0 - share) * drawn  # members' worth of work
+        done = share * computed + (1.0 - share) * rendered  # members' worth of work
         if done <= 0.02 or elapsed < 1.0:
             return None
         return max(0.0, (self._members - done) * elapsed / done)

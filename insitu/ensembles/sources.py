@@ -51,12 +51,12 @@ class SimulationSource:
 
     @property
     def identity(self) -> Mapping[str, Any]:
-        known = {"kind": "simulation", "simulation": self.name, "resolution": self.resolution}
+        identity = {"kind": "simulation", "simulation": self.name, "resolution": self.resolution}
         if self.time is not None:
-            known["time"] = self.time
+            identity["time"] = self.time
         if self.solver_resolution is not None:
-            known["solver_resolution"] = self.solver_resolution
-        return {**known, "fields": list(self.fields)} if self.fields else known
+            identity["solver_resolution"] = self.solver_resolution
+        return {**identity, "fields": list(self.fields)} if self.fields else identity
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -71,15 +71,15 @@ class SimulationSource:
 
     def dumps(self, run: Sequence[PlannedMember], progress: Callable[[float], None]) -> Iterator[dict[str, Field]]:
         """The fields of some members of one run, in order; `progress` is called with the fraction of the way to the next."""
-        found = simulation(self.name)
+        solver = simulation(self.name)
         how = {"fields": self.names, "resolution": self.resolution, "progress": progress}
         how["solver_resolution"] = self.solver_resolution
         if self.time is None:
             times = [member.parameters[TIME] for member in run]
-            yield from found.dumps(but_time(run[0]), times=times, **how)
+            yield from solver.dumps(but_time(run[0]), times=times, **how)
         else:
             for member in run:
-                yield found.run_fields(member.parameters, time=self.time, **how)
+                yield solver.run_fields(member.parameters, time=self.time, **how)
 
     def field(self, member: PlannedMember, progress: Callable[[float], None]) -> dict[str, Field]:
         """The fields of one member, by name."""
@@ -119,14 +119,18 @@ def _ensemble(scene: Scene, table: dict[str, Any]) -> Ensemble:
     if kind == "hdf5":
         if "dataset" in table and fields:
             raise ValueError("fields name the data sets of the file, several or one: leave dataset out")
-        stored = StoredEnsemble.open(scene.data_path(), FileMapping(tuple(fields or (table.get("dataset", "field"),))))
-        return Ensemble(stored.space, stored.members(scene.validation_members, scene.seed), stored, stored.fields)
+        ensemble = StoredEnsemble.open(
+            scene.data_path(), FileMapping(tuple(fields or (table.get("dataset", "field"),)))
+        )
+        return Ensemble(
+            ensemble.space, ensemble.members(scene.validation_members, scene.seed), ensemble, ensemble.fields
+        )
     if kind == "files":
         return _files(scene, table, tuple(fields))
-    found = simulation(table["simulation"])
-    _check_parameters(found, scene.space.names, "time" in table)
+    solver = simulation(table["simulation"])
+    _check_parameters(solver, scene.space.names, "time" in table)
     try:
-        found.check_fields(fields or found.fields[:1])
+        solver.check_fields(fields or solver.fields[:1])
     except ValueError as error:
         raise ValueError(f"source.{error}") from None
     for key, kinds, words in (
@@ -137,7 +141,7 @@ def _ensemble(scene: Scene, table: dict[str, Any]) -> Ensemble:
         if key in table and type(table[key]) not in kinds:
             raise ValueError(f"source.{key} must be {words}, got {table[key]!r}")
     source = SimulationSource(
-        found.name,
+        solver.name,
         table["resolution"],
         float(table["time"]) if "time" in table else None,
         fields=tuple(fields),
@@ -204,7 +208,7 @@ def _files(scene: Scene, table: dict[str, Any], fields: tuple[str, ...]) -> Ense
     )
     spacing, origin, dims = (tuple(table[key]) if key in table else None for key in ("spacing", "origin", "dims"))
     bounds = {p.name: (p.low, p.high) for p in scene.space.parameters}
-    stored = FileEnsemble.of(
+    source = FileEnsemble.of(
         rows,
         bounds=bounds,
         arrays=arrays,
@@ -213,9 +217,9 @@ def _files(scene: Scene, table: dict[str, Any], fields: tuple[str, ...]) -> Ense
         location=FieldLocation(spacing, origin, dims=dims),
     )
     if len(scene.space):
-        stored = replace(stored, space=scene.space)
-    shown = stored.arrays or ("",)
-    return Ensemble(stored.space, stored.members(scene.validation_members, scene.seed), stored, shown)
+        source = replace(source, space=scene.space)
+    array_names = source.arrays or ("",)
+    return Ensemble(source.space, source.members(scene.validation_members, scene.seed), source, array_names)
 
 
 def _reader(scene: Scene, table: Mapping[str, Any]) -> tuple[str, Sampling]:
@@ -234,11 +238,11 @@ def _reader(scene: Scene, table: Mapping[str, Any]) -> tuple[str, Sampling]:
     return words["reader"], Sampling(resolution, words["interpolation"], mesh)
 
 
-def _check_parameters(found: Simulation, names: Sequence[str], with_time: bool) -> None:
+def _check_parameters(solver: Simulation, names: Sequence[str], with_time: bool) -> None:
     """Raise ValueError unless these are the simulation's parameters, and time stands in one place."""
-    if set(names) - {TIME} != set(found.parameters):
+    if set(names) - {TIME} != set(solver.parameters):
         raise ValueError(
-            f"simulation {found.name} takes the parameters {joined_names(found.parameters)} and, maybe, {TIME!r}; "
+            f"simulation {solver.name} takes the parameters {joined_names(solver.parameters)} and, maybe, {TIME!r}; "
             f"the scene has {joined_names(names)}"
         )
     if with_time and TIME in names:

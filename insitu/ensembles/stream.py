@@ -68,8 +68,8 @@ def render_stream(
     arrived = arrived or StreamResult()
     if options.space is None:
         raise ValueError("the options must name the parameters")
-    asked = {f.name: getattr(options, f.name) for f in dataclasses.fields(options)}
-    with Session(catalog, **asked, nan=nan, existing=existing, on_error="raise", warn=warn) as session:
+    plan_options = {f.name: getattr(options, f.name) for f in dataclasses.fields(options)}
+    with Session(catalog, **plan_options, nan=nan, existing=existing, on_error="raise", warn=warn) as session:
         for step in steps:
             name = f"step {step.number}"
             absent = [array for array in arrays if wanted_array(step.arrays, array) is None]
@@ -84,14 +84,14 @@ def render_stream(
                     raise ValueError(f"it does not say {lacking}; it says {dict(step.says)}")
                 parameters = {parameter: step.says[parameter] for parameter in options.space.names}
                 name = member_name(parameters)
-                found = session.render_member(_field(step, arrays, location), parameters)
+                member = session.render_member(_field(step, arrays, location), parameters)
             except (ValueError, TypeError, RuntimeError) as error:
                 arrived.failures[name] = f"{type(error).__name__}: {error}"
                 say(f"{name} can't be rendered: {error}")
                 continue
-            (arrived.skipped if found.skipped else arrived.rendered).append(found.name)
-            if not found.skipped:
-                say(f"rendered {found.name}; {len(arrived.rendered)} in all")
+            (arrived.skipped if member.skipped else arrived.rendered).append(member.name)
+            if not member.skipped:
+                say(f"rendered {member.name}; {len(arrived.rendered)} in all")
     if arrived.lacking and not (arrived.rendered or arrived.skipped or arrived.failures):
         raise ValueError(f"none of {len(arrived.lacking)} steps had {' and '.join(arrays) or 'a field'}")
     return arrived

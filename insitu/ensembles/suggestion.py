@@ -140,8 +140,8 @@ def _alphas(grids: Sequence[Grid], appearance: VolumeRendering, bounds: Box) -> 
 
 def _foreground_mean(alphas: NDArray[np.float64]) -> float:
     """Mean over the foreground (alpha > 1/255); 0 where there is none."""
-    shown = alphas[alphas > VISIBLE]
-    return float(shown.mean()) if shown.size else 0.0
+    visible = alphas[alphas > VISIBLE]
+    return float(visible.mean()) if visible.size else 0.0
 
 
 def contact_sheet(grids: Sequence[Grid], appearance: VolumeRendering, *, size: int = 192) -> NDArray[np.uint8]:
@@ -177,15 +177,15 @@ def _simplified(
     """At most POINTS control points near the curve, from `low` to `high` (Ramer 1972, Douglas & Peucker 1973)."""
     values = np.concatenate([[low], values, [high]])
     opacities = np.concatenate([opacities[:1], opacities, opacities[-1:]])
-    kept = [0, len(values) - 1]
-    while len(kept) < POINTS:
-        error = np.abs(opacities - np.interp(values, values[kept], opacities[kept]))
+    points = [0, len(values) - 1]
+    while len(points) < POINTS:
+        error = np.abs(opacities - np.interp(values, values[points], opacities[points]))
         error[opacities == 0.0] *= 5.0  # what is to be clear must not become fog
         if error.max() < 0.01:
             break
-        kept = sorted([*kept, int(np.argmax(error))])
+        points = sorted([*points, int(np.argmax(error))])
     digits = _digits(high - low)
-    return tuple((round(float(values[i]), digits), round(float(opacities[i]), 3)) for i in kept)
+    return tuple((round(float(values[i]), digits), round(float(opacities[i]), 3)) for i in points)
 
 
 def _color_points(

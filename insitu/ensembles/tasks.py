@@ -51,7 +51,7 @@ def measure_pilots(
     Raises the error of the first pilot where none could be measured.
     """
     wanted = run if cache is not None else [m for m in run if m.name in pilots]
-    found: dict[str, Pilot] = {}
+    by_name: dict[str, Pilot] = {}
     failed: list[Exception] = []
     for dump in dumps_of(source, wanted, cache):
         name = dump.member.name
@@ -66,7 +66,7 @@ def measure_pilots(
             _keep(source, dump, cache)
             send(WorkerReport(name, "pilot", 0.0))
             pilot = measure_pilot(fields, options)
-            found[name] = replace(pilot, notes=(*fields.notes, *pilot.notes))
+            by_name[name] = replace(pilot, notes=(*fields.notes, *pilot.notes))
             del fields
         except StopRequested:
             raise
@@ -74,9 +74,9 @@ def measure_pilots(
             if name in pilots:
                 failed.append(error)
         del dump  # its field, before the next is made
-    if not found:
+    if not by_name:
         raise failed[0]
-    return found
+    return by_name
 
 
 def _keep(source: FieldSource, dump: Dump, cache: Path | None) -> None:

@@ -62,13 +62,13 @@ class Arrivals:
     watching: WatchOptions
     done: set[str] = field(default_factory=set)  # names of members that are stored
     failures: dict[str, str] = field(default_factory=dict)  # why the others are not, by name
-    _seen: dict[Path, tuple[dict[str, int], float]] = field(
+    _stamps: dict[Path, tuple[dict[str, int], float]] = field(
         default_factory=dict
     )  # stamp, and since when it is the same
     _failed: dict[str, tuple[dict[str, int], float, float]] = field(
         default_factory=dict
     )  # stamp, first and last failure
-    _held: dict[Path, tuple[dict[str, int], list[TableRow]]] = field(
+    _members: dict[Path, tuple[dict[str, int], list[TableRow]]] = field(
         default_factory=dict
     )  # stamp, and the members of a file
     pending: int = 0  # files that may become whole, or be tried again
@@ -81,49 +81,49 @@ class Arrivals:
             if (name := self._name(row)) in self.done or name in ready:
                 continue
             try:
-                found = stamp(row.path, beside=self.watching.beside(row.path))
+                current = stamp(row.path, beside=self.watching.beside(row.path))
             except OSError:
                 continue  # gone, or being renamed
-            if self._is_given_up(name, found, now):
+            if self._is_given_up(name, current, now):
                 continue
-            before, since = self._seen.get(row.path, (None, now))
-            if before != found:
+            before, since = self._stamps.get(row.path, (None, now))
+            if before != current:
                 since = now
-            self._seen[row.path] = found, since
-            if not self._is_whole(row.path, found, now - since, wall):
+            self._stamps[row.path] = current, since
+            if not self._is_whole(row.path, current, now - since, wall):
                 self.pending += 1
-            elif self._may_try(name, found, now):
-                self._take(row, found, now, ready)
+            elif self._may_try(name, current, now):
+                self._take(row, current, now, ready)
             else:
                 self.pending += 1
         return list(ready.values())
 
-    def _take(self, row: TableRow, found: dict[str, int], now: float, ready: dict[str, TableRow]) -> None:
+    def _take(self, row: TableRow, current: dict[str, int], now: float, ready: dict[str, TableRow]) -> None:
         """Add the members of a whole file that are neither done nor given up to those that are `ready`."""
-        before, members = self._held.get(row.path, ({}, []))
-        if before != found:
+        before, members = self._members.get(row.path, ({}, []))
+        if before != current:
             try:
                 members = list(self.watching.members(row))
             except (ValueError, OSError) as error:
-                self._note(self._name(row), f"{type(error).__name__}: {error}", found, now)
+                self._note(self._name(row), f"{type(error).__name__}: {error}", current, now)
                 self.pending += 1
                 return
-            self._held[row.path] = found, members
+            self._members[row.path] = current, members
             if self._name(row) not in map(self._name, members):  # it was not known by its members before
                 self.failures.pop(self._name(row), None)
         for member in members:
-            self._seen[member.path] = self._seen[row.path]
+            self._stamps[member.path] = self._stamps[row.path]
             name = self._name(member)
-            if name in self.done or name in ready or self._is_given_up(name, found, now):
+            if name in self.done or name in ready or self._is_given_up(name, current, now):
                 continue
             self.pending += 1
-            if self._may_try(name, found, now):
+            if self._may_try(name, current, now):
                 ready[name] = member
 
     def _name(self, row: TableRow) -> str:
         """The member's name; of a file of which not all parameters are known yet, its path."""
-        known = set(row.parameters) >= set(self.watching.parameters)
-        return row.name or (member_name(row.parameters) if known else str(row.path))
+        is_complete = set(row.parameters) >= set(self.watching.parameters)
+        return row.name or (member_name(row.parameters) if is_complete else str(row.path))
 
     def tried(self, rendered: Iterable[str], failures: dict[str, str], rows: dict[str, TableRow], now: float) -> None:
         """Take note of what became of the files that `look` gave."""
@@ -132,28 +132,28 @@ class Arrivals:
             self.failures.pop(name, None)
             self._failed.pop(name, None)
         for name, why in failures.items():
-            self._note(name, why, self._seen[rows[name].path][0], now)
+            self._note(name, why, self._stamps[rows[name].path][0], now)
 
-    def _note(self, name: str, why: str, found: dict[str, int], now: float) -> None:
+    def _note(self, name: str, why: str, current: dict[str, int], now: float) -> None:
         before = self._failed.get(name)
-        first = before[1] if before is not None and before[0] == found else now
-        self._failed[name] = found, first, now
+        first = before[1] if before is not None and before[0] == current else now
+        self._failed[name] = current, first, now
         self.failures[name] = why
 
-    def _is_whole(self, path: Path, found: dict[str, int], unchanged: float, wall: float) -> bool:
+    def _is_whole(self, path: Path, current: dict[str, int], unchanged: float, wall: float) -> bool:
         if self.watching.marker:
             return path.with_name(path.name + self.watching.marker).exists()
         settle = self.watching.settle
-        return found["size"] > 0 and (unchanged >= settle or wall - found["modified"] / 1e9 >= settle)
+        return current["size"] > 0 and (unchanged >= settle or wall - current["modified"] / 1e9 >= settle)
 
-    def _is_given_up(self, name: str, found: dict[str, int], now: float) -> bool:
+    def _is_given_up(self, name: str, current: dict[str, int], now: float) -> bool:
         stamp_then, first, _ = self._failed.get(name, ({}, now, now))
-        return stamp_then == found and now - first >= self.watching.patience
+        return stamp_then == current and now - first >= self.watching.patience
 
-    def _may_try(self, name: str, found: dict[str, int], now: float) -> bool:
+    def _may_try(self, name: str, current: dict[str, int], now: float) -> bool:
         """A file that failed is tried again when it has changed, or after as long as it has been failing, at least an interval."""
         stamp_then, first, last = self._failed.get(name, ({}, now, now))
-        return stamp_then != found or now - last >= max(INTERVAL, min(last - first, self.watching.patience / 4))
+        return stamp_then != current or now - last >= max(INTERVAL, min(last - first, self.watching.patience / 4))
 
 
 def watch_folder(
@@ -267,8 +267,8 @@ def space_for(
     names += tuple(name for name in bounds if more_in_files and name not in names)
     lacking, unknown = [n for n in names if n not in bounds], [n for n in bounds if n not in names]
     if lacking or not names:
-        asked = " ".join(f"--bounds {name} LOW HIGH" for name in lacking or ("NAME",))
-        raise ValueError(f"please give {asked}: dumps to come are not known")
+        remedy = " ".join(f"--bounds {name} LOW HIGH" for name in lacking or ("NAME",))
+        raise ValueError(f"please give {remedy}: dumps to come are not known")
     if unknown:
         raise ValueError(
             f"--bounds of {joined_names(unknown)}, but the pattern names {joined_names(names)}; what files say takes --reader"
@@ -277,5 +277,5 @@ def space_for(
         raise ValueError(
             f"--units must be of the {len(names)} parameters {joined_names(bounds)}, got {joined_names(units)}"
         )
-    known = dict(zip(bounds, units, strict=True)) if units else {}
-    return ParameterSpace(tuple(Parameter(name, *bounds[name], known.get(name, "")) for name in names))
+    unit_of = dict(zip(bounds, units, strict=True)) if units else {}
+    return ParameterSpace(tuple(Parameter(name, *bounds[name], unit_of.get(name, "")) for name in names))

@@ -200,7 +200,7 @@ class Blocks:
         if block is not None:
             volume = isinstance(appearance, VolumeRendering)
             visible = drawn_range(self._ranges[name], appearance.transfer_function) if volume else None  # type: ignore[union-attr]
-            self._renderer = BlockRenderer(block, appearance, sample_distance=sample_distance, drawn=visible)
+            self._renderer = BlockRenderer(block, appearance, sample_distance=sample_distance, value_range=visible)
 
     def _draw(self, cameras: Sequence[Camera], float_output: bool) -> list[NDArray[Any]]:
         """Pictures, on rank 0: every rank draws its block of all, and puts the layers of one together."""
@@ -262,8 +262,8 @@ class BlockFields:
 
     def coarse(self, names: Sequence[str]) -> dict[str, CoarseField]:
         """See `MemberFields`."""
-        found: dict[str, CoarseField] = self.blocks.call_all("coarsen", tuple(names))
-        return found
+        fields: dict[str, CoarseField] = self.blocks.call_all("coarsen", tuple(names))
+        return fields
 
 
 @dataclass(frozen=True, eq=False)

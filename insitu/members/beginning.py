@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import os
-import tempfile
 from pathlib import Path
 from typing import Any
 
+from catalogs.files.durable import require_writable
 from catalogs.store.description import check_place
 from catalogs.store.plan import CatalogPlan
 from catalogs.vocabulary.appearance import shown_fields
@@ -39,7 +38,7 @@ def check_new(path: Path, options: PlanOptions) -> None:
 def check_free(path: Path, plan: CatalogPlan | None = None) -> None:
     """Raise CatalogError or OSError where no new catalog can be at `path`, of this plan if it is known."""
     check_place(path, plan)
-    _check_writable(path)
+    require_writable(path, "no catalog can be written here, choose another folder, or make room or permission")
 
 
 def checked_path(catalog: Any) -> Path:
@@ -55,18 +54,3 @@ def checked_function(function: Any, name: str) -> Any:
     if function is not None and not callable(function):
         raise ValueError(f"{name} must be a function, got {function!r}")
     return function
-
-
-def _check_writable(path: Path) -> None:
-    """Raise OSError where nothing can be written at `path`, by making a folder where it would be and removing it."""
-    place = path.absolute()
-    while not os.path.lexists(place):
-        place = place.parent
-    try:
-        os.rmdir(tempfile.mkdtemp(prefix=".gs-", dir=place))
-    except OSError as error:
-        raise OSError(
-            error.errno,
-            f"{error.strerror}: no catalog can be written here, choose another folder, or make room or permission",
-            str(path),
-        ) from error

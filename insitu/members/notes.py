@@ -10,6 +10,7 @@ from catalogs.store.catalog import Catalog
 from catalogs.store.members import Member
 from catalogs.vocabulary.parameters import ParameterSpace
 from catalogs.vocabulary.scene import PlannedMember
+from catalogs.vocabulary.words import FEWEST_LEARNT
 from insitu.members.result import RenderedMember
 
 NUMBER = re.compile(r"[-+]?\d[\d.]*(?:e[-+]?\d+)?|\binf\b")
@@ -17,7 +18,6 @@ NO_SPACING = (
     "the first field states no spacing, so its values are 1 apart along every axis: pass spacing=(x, y, z) if not"
 )
 LOOKED_THROUGH = 100  # members of a catalog that a session looks through at its end
-FEWEST = 5  # members from which anything between them can be learnt
 
 
 def kind_of(note: str) -> str:
@@ -82,6 +82,9 @@ def notes_on_ensemble(members: Sequence[PlannedMember | Member], space: Paramete
                 "depend on it"
             )
     learnt = sum(member.split == "train" for member in members)
-    if learnt < FEWEST:
-        notes.append(f"{learnt} of {len(members)} members are to learn from: a surrogate needs {FEWEST} or more")
+    if learnt < FEWEST_LEARNT:
+        notes.append(
+            f"{learnt} of {len(members)} members are to learn from: a surrogate of fewer than {FEWEST_LEARNT} can at best blend "
+            "between them"
+        )
     return notes

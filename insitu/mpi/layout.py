@@ -51,12 +51,12 @@ def layout(extents: Sequence[BlockExtent | None]) -> BlockLayout:
     gaps, ValueError where two lie at the same place.
     """
     ranks = [rank for rank, extent in enumerate(extents) if extent is not None]
-    held = [extent for extent in extents if extent is not None]
-    _check_places(ranks, held)
-    spacing = _common_spacing(ranks, held)
-    origins = np.array([extent.origin for extent in held])  # [N, 3] x, y, z
+    blocks = [extent for extent in extents if extent is not None]
+    _check_places(ranks, blocks)
+    spacing = _common_spacing(ranks, blocks)
+    origins = np.array([extent.origin for extent in blocks])  # [N, 3] x, y, z
     origin = origins.min(axis=0)
-    starts, stops = _indices(ranks, held, origins, origin, spacing)
+    starts, stops = _indices(ranks, blocks, origins, origin, spacing)
     shape = stops.max(axis=0)
     whole = Lattice(_index(shape), _triple(spacing), _triple(origin))
     stops = _filling(ranks, starts, stops, shape)
@@ -66,25 +66,25 @@ def layout(extents: Sequence[BlockExtent | None]) -> BlockLayout:
     return BlockLayout(whole, tuple(owned))
 
 
-def _check_places(ranks: Sequence[int], held: Sequence[BlockExtent]) -> None:
-    known: dict[BlockExtent, int] = {}
-    for rank, extent in zip(ranks, held, strict=True):
-        if extent in known:
+def _check_places(ranks: Sequence[int], blocks: Sequence[BlockExtent]) -> None:
+    first: dict[BlockExtent, int] = {}
+    for rank, extent in zip(ranks, blocks, strict=True):
+        if extent in first:
             x, y, z = extent.shape[::-1]
             raise ValueError(
-                f"the blocks of ranks {known[extent]} and {rank} lie at the same place, {x} x {y} x {z} samples from "
+                f"the blocks of ranks {first[extent]} and {rank} lie at the same place, {x} x {y} x {z} samples from "
                 f"{extent.origin}: pass with each block the origin of its first sample"
             )
-        known[extent] = rank
+        first[extent] = rank
 
 
-def _common_spacing(ranks: Sequence[int], held: Sequence[BlockExtent]) -> NDArray[np.float64]:
-    spacings = np.array([extent.spacing for extent in held])  # [N, 3]
+def _common_spacing(ranks: Sequence[int], blocks: Sequence[BlockExtent]) -> NDArray[np.float64]:
+    spacings = np.array([extent.spacing for extent in blocks])  # [N, 3]
     other = (np.abs(spacings - spacings[0]) > SAME * spacings[0]).any(axis=1)
     if other.any():
         first = int(np.argmax(other))
         raise UnevenBlocks(
-            f"rank {ranks[0]} has the spacing {held[0].spacing}, rank {ranks[first]} {held[first].spacing}"
+            f"rank {ranks[0]} has the spacing {blocks[0].spacing}, rank {ranks[first]} {blocks[first].spacing}"
         )
     result: NDArray[np.float64] = spacings.mean(axis=0)
     return result
@@ -92,7 +92,7 @@ def _common_spacing(ranks: Sequence[int], held: Sequence[BlockExtent]) -> NDArra
 
 def _indices(
     ranks: Sequence[int],
-    held: Sequence[BlockExtent],
+    blocks: Sequence[BlockExtent],
     origins: NDArray[np.float64],
     origin: NDArray[np.float64],
     spacing: NDArray[np.float64],
@@ -106,11 +106,11 @@ def _indices(
     if off.any():
         first = int(np.argmax(off))
         raise UnevenBlocks(
-            f"the first sample of rank {ranks[first]}, at {held[first].origin}, lies between samples of the lattice from "
+            f"the first sample of rank {ranks[first]}, at {blocks[first].origin}, lies between samples of the lattice from "
             f"{tuple(origin.tolist())} in steps of {tuple(spacing.tolist())}"
         )
     starts = np.rint(places).astype(np.int64)[:, ::-1]
-    return starts, starts + np.array([extent.shape for extent in held])
+    return starts, starts + np.array([extent.shape for extent in blocks])
 
 
 def _filling(

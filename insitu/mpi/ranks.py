@@ -171,10 +171,10 @@ def disagreement(ranks: RankGroup, said: Mapping[str, Any]) -> str:
     first: dict[str, tuple[int, Any]] = {}
     for rank, others in enumerate(ranks.gather({name: _plain(value) for name, value in said.items()})):
         for name, value in others.items():
-            known = first.setdefault(name, (rank, value))
-            if not _same(known[1], value):
+            other, expected = first.setdefault(name, (rank, value))
+            if not _same(expected, value):
                 return (
-                    f"rank {known[0]} gives {name} = {known[1]!r}, rank {rank} {value!r}: all ranks render one member together, "
+                    f"rank {other} gives {name} = {expected!r}, rank {rank} {value!r}: all ranks render one member together, "
                     "so give the same on all"
                 )
     return ""

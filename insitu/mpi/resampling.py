@@ -34,10 +34,10 @@ class Contribution:
 
 def common_lattice(extents: Sequence[BlockExtent | None]) -> Lattice:
     """The lattice over all blocks, as fine as the finest of them along each axis, but for `MOST_SAMPLES`."""
-    held = [extent for extent in extents if extent is not None]
-    low = np.min([extent.origin for extent in held], axis=0)  # [3] x, y, z
-    high = np.max([end(extent) for extent in held], axis=0)
-    finest = np.min([extent.spacing for extent in held], axis=0)
+    blocks = [extent for extent in extents if extent is not None]
+    low = np.min([extent.origin for extent in blocks], axis=0)  # [3] x, y, z
+    high = np.max([end(extent) for extent in blocks], axis=0)
+    finest = np.min([extent.spacing for extent in blocks], axis=0)
     counts = np.clip(np.ceil((high - low) / finest - FACE).astype(np.int64) + 1, 2, MOST_SAMPLES)
     x, y, z = counts.tolist()
     step, origin = ((high - low) / (counts - 1)).tolist(), low.tolist()
@@ -88,16 +88,16 @@ def resampled(
 def _contributions(
     values: NDArray[np.float64], extents: Sequence[BlockExtent], piece: Piece, whole: Lattice
 ) -> Iterator[Contribution]:
-    held, own = extents
-    for extent, is_own in ((held, False), (own, True)) if held != own else ((own, True),):
+    ghosted, own = extents
+    for extent, is_own in ((ghosted, False), (own, True)) if ghosted != own else ((own, True),):
         boxes = [_covered(extent, piece, whole, axis) for axis in range(3)]
         if all(low < high for low, high in boxes):
             places = [
                 np.arange(low, high) * whole.spacing[2 - a] + whole.origin[2 - a] for a, (low, high) in enumerate(boxes)
             ]
-            indices = [(p - held.origin[2 - a]) / held.spacing[2 - a] for a, p in enumerate(places)]
+            indices = [(p - ghosted.origin[2 - a]) / ghosted.spacing[2 - a] for a, p in enumerate(places)]
             start = (boxes[0][0], boxes[1][0], boxes[2][0])
-            yield Contribution((is_own, -float(np.prod(held.spacing))), start, interpolated(values, indices))
+            yield Contribution((is_own, -float(np.prod(ghosted.spacing))), start, interpolated(values, indices))
 
 
 def _covered(extent: BlockExtent, piece: Piece, whole: Lattice, axis: int) -> tuple[int, int]:

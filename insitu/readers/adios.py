@@ -57,12 +57,12 @@ def recognizes(path: Path) -> bool:
 
 def records(path: Path, sampling: Sampling) -> list[StoredState]:
     """Every step, with the single numbers that the file holds of it, its attributes that are numbers, and its number."""
-    held = _described(path)
-    common = _numbers(held["attributes"])
-    volumes = {name: about["places"] for name, about in held["variables"].items() if len(about["shape"]) == 3}
+    description = _described(path)
+    common = _numbers(description["attributes"])
+    volumes = {name: about["places"] for name, about in description["variables"].items() if len(about["shape"]) == 3}
     states = []
-    for step in range(held["steps"]):
-        says = {**common, **{n: values[step] for n, values in held["single"].items() if step in values}}
+    for step in range(description["steps"]):
+        says = {**common, **{n: values[step] for n, values in description["single"].items() if step in values}}
         arrays = frozenset(name for name, places in volumes.items() if step in places)
         states.append(StoredState((step,), {**says, "step": float(step)}, arrays))
     return states
@@ -71,14 +71,14 @@ def records(path: Path, sampling: Sampling) -> list[StoredState]:
 @contextmanager
 def opens(path: Path) -> Iterator[Arrays]:
     """The arrays of a file as (step, axis, axis, axis); values are read when asked for."""
-    held = _described(path)
+    description = _described(path)
     arrays = {}
-    for name, about in held["variables"].items():
+    for name, about in description["variables"].items():
         shape, kind = tuple(about["shape"]), np.dtype(about["kind"])
         if len(shape) == 3:
-            own, fetch = _own(held["attributes"], name), _fetch(path, name, shape, kind, about["places"])
-            arrays[name] = StoredArray(name, (held["steps"], *shape), kind, ("step", "", "", ""), own, fetch)
-    yield Arrays(arrays, {"": held["attributes"]})
+            own, fetch = _own(description["attributes"], name), _fetch(path, name, shape, kind, about["places"])
+            arrays[name] = StoredArray(name, (description["steps"], *shape), kind, ("step", "", "", ""), own, fetch)
+    yield Arrays(arrays, {"": description["attributes"]})
 
 
 def follow(path: Path, names: tuple[str, ...] = (), idle: float | None = None) -> Iterator[StreamStep]:
@@ -95,14 +95,14 @@ def follow(path: Path, names: tuple[str, ...] = (), idle: float | None = None) -
     engine = "SST" if path.suffix == STREAM else "BPFile"
     stream = path.with_suffix("") if engine == "SST" else path
     with _process({"what": "follow", "path": str(stream), "engine": engine, "names": list(names)}) as process:
-        while (held := _answer(process, path, idle)) is not None:
-            attributes = held["attributes"]
+        while (step := _answer(process, path, idle)) is not None:
+            attributes = step["attributes"]
             arrays = {
                 about["name"]: _arrived(about["name"], _values(process, path, about), _own(attributes, about["name"]))
-                for about in held["arrays"]
+                for about in step["arrays"]
             }
-            says = {**_numbers(attributes), **held["single"], "step": float(held["step"])}
-            yield StreamStep(held["step"], says, Arrays(arrays, {"": attributes}))
+            says = {**_numbers(attributes), **step["single"], "step": float(step["step"])}
+            yield StreamStep(step["step"], says, Arrays(arrays, {"": attributes}))
 
 
 def _arrived(name: str, values: NDArray[Any], attributes: Mapping[str, Any]) -> StoredArray:
@@ -111,24 +111,26 @@ def _arrived(name: str, values: NDArray[Any], attributes: Mapping[str, Any]) -> 
 
 def _described(path: Path) -> dict[str, Any]:
     with _process({"what": "describe", "path": str(path)}) as process, _ended_after(process, PATIENCE):
-        held = _answer(process, path, None)
-    if held is None or not 1 <= held["steps"] <= MOST_STEPS:
-        raise ValueError(f"{path}: it holds {held['steps'] if held else 'no'} steps")
-    if "/openPMD" in held["attributes"]:
+        summary = _answer(process, path, None)
+    if summary is None or not 1 <= summary["steps"] <= MOST_STEPS:
+        raise ValueError(f"{path}: it holds {summary['steps'] if summary else 'no'} steps")
+    if "/openPMD" in summary["attributes"]:
         raise ValueError(
             f"{path}: openPMD is read from HDF5: convert it by openpmd-pipe --infile {path.name} --outfile {path.stem}_%T.h5"
         )
-    for name, about in held["variables"].items():
-        at = range(held["steps"]) if about["at"] is None else about["at"]
+    for name, about in summary["variables"].items():
+        at = range(summary["steps"]) if about["at"] is None else about["at"]
         if any(n < 0 for n in about["shape"]) or np.dtype(about["kind"]).kind not in "fiu" or len(at) != about["steps"]:
             raise ValueError(f"{path}: its variable {name[:40]!r} has the shape {about['shape']} at {len(at)} steps")
         # Of each step, which of the values it has; what is written once, at first, holds for all.
-        places = dict.fromkeys(range(held["steps"]), 0) if list(at) == [0] else {n: place for place, n in enumerate(at)}
+        places = (
+            dict.fromkeys(range(summary["steps"]), 0) if list(at) == [0] else {n: place for place, n in enumerate(at)}
+        )
         about["places"] = places
-        if name in held["single"]:
-            values = held["single"][name]
-            held["single"][name] = {n: float(values[place]) for n, place in places.items()}
-    return held
+        if name in summary["single"]:
+            values = summary["single"][name]
+            summary["single"][name] = {n: float(values[place]) for n, place in places.items()}
+    return summary
 
 
 def _fetch(
@@ -142,10 +144,10 @@ def _fetch(
         request = {"what": "read", "path": str(path), "name": name, "step": places[index[0]]}
         seconds = PATIENCE + math.prod(shape) * kind.itemsize / SLOWEST
         with _process(request) as process, _ended_after(process, seconds):
-            held = _answer(process, path, None)
-            if held is None or not held["arrays"]:
+            reply = _answer(process, path, None)
+            if reply is None or not reply["arrays"]:
                 raise ValueError(f"{path}: ADIOS2 gave nothing of {name!r}")
-            values = _values(process, path, held["arrays"][0])
+            values = _values(process, path, reply["arrays"][0])
         if values.size != math.prod(shape):
             raise ValueError(f"{path}: {name!r} has {values.shape} values, its description says {shape}")
         return values.reshape(shape)
@@ -208,10 +210,10 @@ def _watch(process: subprocess.Popen[bytes], seconds: float, done: threading.Eve
     end = time.monotonic() + seconds
     since, used = time.monotonic(), 0.0
     with suppress(psutil.Error):  # it ended
-        seen = psutil.Process(process.pid)
+        reader = psutil.Process(process.pid)
         while not done.wait(min(POLL, max(0.0, end - time.monotonic()))):
-            now, work = time.monotonic(), sum(seen.cpu_times()[:2])
-            if seen.status() != psutil.STATUS_SLEEPING or work - used > BUSY * (now - since):
+            now, work = time.monotonic(), sum(reader.cpu_times()[:2])
+            if reader.status() != psutil.STATUS_SLEEPING or work - used > BUSY * (now - since):
                 since, used = now, work
             if now >= end or now - since > ASLEEP:
                 process.kill()
@@ -233,10 +235,10 @@ def _answer(process: subprocess.Popen[bytes], path: Path, idle: float | None) ->
     description = np.zeros(int(head[0]), dtype=np.uint8)
     if not _fill(process, description):
         raise ValueError(f"{path}: {_ending(process.wait())}")
-    held = json.loads(description.tobytes())
-    if "error" in held:
-        raise ValueError(f"{path}: ADIOS2 cannot read it: {' '.join(held['error'].split())}")
-    return dict(held)
+    reply = json.loads(description.tobytes())
+    if "error" in reply:
+        raise ValueError(f"{path}: ADIOS2 cannot read it: {' '.join(reply['error'].split())}")
+    return dict(reply)
 
 
 def _fill(process: subprocess.Popen[bytes], values: NDArray[Any]) -> bool:

@@ -34,11 +34,11 @@ def library() -> Any:
     return adios2
 
 
-def answer(out: BinaryIO, held: dict[str, Any], arrays: dict[str, np.ndarray] | None = None) -> None:
+def answer(out: BinaryIO, content: dict[str, Any], arrays: dict[str, np.ndarray] | None = None) -> None:
     """Send a JSON object, and arrays after it."""
     sent = {name: np.ascontiguousarray(values) for name, values in (arrays or {}).items()}
     listed = [{"name": n, "shape": list(v.shape), "kind": v.dtype.str, "bytes": v.nbytes} for n, v in sent.items()]
-    header = json.dumps({**held, "arrays": listed}).encode()
+    header = json.dumps({**content, "arrays": listed}).encode()
     out.write(struct.pack("<Q", len(header)) + header)
     for values in sent.values():
         out.write(values.data.cast("B"))
@@ -47,43 +47,43 @@ def answer(out: BinaryIO, held: dict[str, Any], arrays: dict[str, np.ndarray] | 
 
 def variables(stream: Any) -> dict[str, dict[str, Any]]:
     """Shape, kind and number of steps of the variables that hold numbers; the shape of single ones is ()."""
-    found = {}
+    table = {}
     for name, about in stream.available_variables().items():
         shape = [int(word) for word in about.get("Shape", "").split(",") if word.strip()]
         is_single = about.get("SingleValue") == "true"
         if about.get("Type") in KINDS and (shape or is_single):
             kind = np.dtype(library().type_adios_to_numpy(about["Type"])).str
             steps = int(about.get("AvailableStepsCount", "1"))
-            found[name] = {"shape": [] if is_single else shape, "kind": kind, "steps": steps}
-    return found
+            table[name] = {"shape": [] if is_single else shape, "kind": kind, "steps": steps}
+    return table
 
 
 def attributes(stream: Any) -> dict[str, Any]:
     """Attributes that are numbers or words, none of them long."""
-    found: dict[str, Any] = {}
+    values: dict[str, Any] = {}
     for name, about in stream.available_attributes().items():
         if int(about.get("Elements", "1")) <= LONGEST and about.get("Type") in (*KINDS, "string"):
-            held = stream.read_attribute(name)
-            found[name] = held.tolist() if isinstance(held, np.ndarray | np.generic) else held
-    return found
+            value = stream.read_attribute(name)
+            values[name] = value.tolist() if isinstance(value, np.ndarray | np.generic) else value
+    return values
 
 
 def describe(out: BinaryIO, path: str) -> None:
     """All that a file says but its arrays: at which steps each variable is written, and of single numbers the value at each."""
     with library().FileReader(path) as file:
-        steps, held = int(file.num_steps()), variables(file)
-        differ = steps <= MOST_STEPS and any(about["steps"] != steps for about in held.values())
+        steps, table = int(file.num_steps()), variables(file)
+        differ = steps <= MOST_STEPS and any(about["steps"] != steps for about in table.values())
         some = written(path, steps) if differ else {}
-        for name, about in held.items():
+        for name, about in table.items():
             about["at"] = some.get(name) if about["steps"] != steps else None  # every one
-        single = {name: about["steps"] for name, about in held.items() if not about["shape"]}
+        single = {name: about["steps"] for name, about in table.items() if not about["shape"]}
         values = {n: np.ravel(file.read(n, step_selection=[0, k])).astype(float).tolist() for n, k in single.items()}
-        answer(out, {"steps": steps, "variables": held, "attributes": attributes(file), "single": values})
+        answer(out, {"steps": steps, "variables": table, "attributes": attributes(file), "single": values})
 
 
 def written(path: str, most: int) -> dict[str, list[int]]:
     """The steps at which each variable is written: only a reader that goes from step to step sees it."""
-    found: dict[str, list[int]] = {}
+    steps: dict[str, list[int]] = {}
     io = library().Adios().declare_io("written")
     io.set_engine("BPFile")
     with library().Stream(io, path, "r") as stream:
@@ -91,8 +91,8 @@ def written(path: str, most: int) -> dict[str, list[int]]:
             if step >= most:
                 break
             for name in stream.available_variables():
-                found.setdefault(name, []).append(step)
-    return found
+                steps.setdefault(name, []).append(step)
+    return steps
 
 
 def read(out: BinaryIO, path: str, name: str, step: int) -> None:
@@ -111,9 +111,9 @@ def follow(out: BinaryIO, path: str, engine: str, names: list[str]) -> None:
     io.set_engine(engine)
     with library().Stream(io, path, "r") as stream:
         for _ in stream.steps():
-            held = variables(stream)
-            single = {n: float(np.ravel(stream.read(n))[0]) for n, about in held.items() if not about["shape"]}
-            chosen = [n for n, about in held.items() if len(about["shape"]) == 3 and (n in names or not names)]
+            table = variables(stream)
+            single = {n: float(np.ravel(stream.read(n))[0]) for n, about in table.items() if not about["shape"]}
+            chosen = [n for n, about in table.items() if len(about["shape"]) == 3 and (n in names or not names)]
             about = {"step": int(stream.current_step()), "single": single, "attributes": attributes(stream)}
             answer(out, about, {n: np.asarray(stream.read(n)) for n in chosen})
 
@@ -125,8 +125,8 @@ def main() -> None:
     library()  # what it takes itself is not what files take
     limit = request.pop("memory")
     resource.setrlimit(resource.RLIMIT_AS, (limit, limit))
-    known: dict[str, Any] = {"describe": describe, "read": read, "follow": follow}
-    what = known[request.pop("what")]
+    commands: dict[str, Any] = {"describe": describe, "read": read, "follow": follow}
+    what = commands[request.pop("what")]
     try:
         what(out, **request)
     except (RuntimeError, ValueError, KeyError, TypeError, AttributeError, MemoryError, OSError) as error:

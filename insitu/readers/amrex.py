@@ -120,7 +120,7 @@ class PlotfileComponent:
 
     def __init__(self, plotfile: Plotfile, number: int) -> None:
         self.plotfile, self.number, self.largest = plotfile, number, 0.0
-        self._seen: dict[tuple[int, int], tuple[np.floating, np.floating, bool]] = {}  # extremes by level and box
+        self._extremes: dict[tuple[int, int], tuple[np.floating, np.floating, bool]] = {}  # extremes by level and box
 
     def fill(self, slab: NDArray[np.floating], level: RefinementLevel, number: int, begin: int) -> None:
         """Copy the cells of level `number` and of those below it into a slab [z, y, x], planes from `begin` on."""
@@ -148,15 +148,15 @@ class PlotfileComponent:
         least, most = cells.min(), cells.max()
         if has_nan := bool(np.isnan(least)):
             least, most = np.fmin.reduce(cells, axis=None), np.fmax.reduce(cells, axis=None)
-        if (number, box) in self._seen:
-            a, b, other = self._seen[number, box]
+        if (number, box) in self._extremes:
+            a, b, other = self._extremes[number, box]
             least, most, has_nan = np.fmin(a, least), np.fmax(b, most), has_nan or other
-        self._seen[number, box] = least, most, has_nan
+        self._extremes[number, box] = least, most, has_nan
         self.largest = max(self.largest, abs(float(least)), abs(float(most)))
 
     def check(self) -> None:
         """Raise ValueError where a box that was read has other extremes than its header prints."""
-        for (number, box), (least, most, has_nan) in self._seen.items():
+        for (number, box), (least, most, has_nan) in self._extremes.items():
             self.plotfile.levels[number].check_extremes(box, self.number, (least, most), has_nan)
 
 

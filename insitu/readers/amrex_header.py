@@ -48,9 +48,9 @@ class RefinementLevel:
     places: tuple[tuple[Path, int], ...]
     extremes: tuple[tuple[str, ...], tuple[str, ...]] | None
 
-    def check_extremes(self, box: int, component: int, found: tuple[np.floating, np.floating], has_nan: bool) -> None:
+    def check_extremes(self, box: int, component: int, ends: tuple[np.floating, np.floating], has_nan: bool) -> None:
         """Raise ValueError where the least and the largest of a box's numbers but NaN are not those that its header prints."""
-        kind, what = found[0].dtype.type, f"{self.places[box][0].parent.name}/Cell_H: box {box}"
+        kind, what = ends[0].dtype.type, f"{self.places[box][0].parent.name}/Cell_H: box {box}"
         if self.extremes is None:
             return
         try:
@@ -60,12 +60,12 @@ class RefinementLevel:
         limits = np.finfo(kind)
         with np.errstate(over="ignore", invalid="ignore"):
             said = np.array([least, most]).astype(kind)
-            same = np.isclose(said, found, PRINTED, float(limits.tiny))
+            same = np.isclose(said, ends, PRINTED, float(limits.tiny))
         if has_nan:  # which a code's comparisons may pass over, or not
-            same |= np.isnan(said) | (np.isnan(found) & (np.abs(said) >= limits.max))
+            same |= np.isnan(said) | (np.isnan(ends) & (np.abs(said) >= limits.max))
         if not same.all():
             raise ValueError(
-                f"{what} lies from {least:g} to {most:g}, its numbers from {found[0]:g} to {found[1]:g}: they are damaged, or in "
+                f"{what} lies from {least:g} to {most:g}, its numbers from {ends[0]:g} to {ends[1]:g}: they are damaged, or in "
                 "another order of bytes"
             )
 
@@ -177,8 +177,8 @@ def read_plotfile(path: Path) -> Plotfile:
         low, counts = summary.domains[number]
         boxes, places, extremes = _boxes(path, number, count, len(summary.names))
         _check_inside(boxes, low, counts, number)
-        found, begins = _numbers(path, number, boxes, places, len(summary.names))
-        kinds |= found
+        types, begins = _numbers(path, number, boxes, places, len(summary.names))
+        kinds |= types
         levels.append(RefinementLevel(low, counts, boxes, begins, extremes))
     _check_full(levels[0])
     if len(kinds) > 1:
@@ -190,11 +190,11 @@ def _domains(
     line: str, finest: int, ratios: Sequence[int]
 ) -> tuple[tuple[tuple[int, int, int], tuple[int, int, int]], ...]:
     """(first cell, counts) of the domain of each level, which must follow from the refinement ratios."""
-    found = [tuple(map(int, groups)) for groups in re.findall(BOX, line)]
-    if len(found) < finest + 1:
+    boxes = [tuple(map(int, groups)) for groups in re.findall(BOX, line)]
+    if len(boxes) < finest + 1:
         raise ValueError(f"Header: the domains of {finest + 1} levels are needed, got {line[:60]!r}")
     domains: list[tuple[Any, Any]] = []
-    for number, box in enumerate(found[: finest + 1]):
+    for number, box in enumerate(boxes[: finest + 1]):
         low, counts = box[:3], tuple(b - a + 1 for a, b in zip(box[:3], box[3:6], strict=True))
         if box[6:] != (0, 0, 0) or not all(2 <= n <= MOST_CELLS for n in counts) or max(map(abs, low)) > MOST_CELLS:
             raise ValueError(
@@ -228,8 +228,8 @@ def _boxes(
         )
     boxes = np.empty((count, 2, 3), dtype=np.int64)
     for i in range(count):
-        found = re.fullmatch(BOX, next(lines, "").strip())
-        numbers = [int(word) for word in found.groups()] if found and len(found[0]) < 100 else []
+        match = re.fullmatch(BOX, next(lines, "").strip())
+        numbers = [int(word) for word in match.groups()] if match and len(match[0]) < 100 else []
         if not numbers or any(numbers[6:]) or max(map(abs, numbers)) > MOST_CELLS * 64:
             raise ValueError(f"{what}: box {i} must hold cells, ((x,y,z) (x,y,z) (0,0,0))")
         boxes[i] = np.reshape(numbers[:6], (2, 3))
@@ -248,16 +248,16 @@ def _extremes(
     lines: Iterator[str], what: str, count: int, components: int
 ) -> tuple[tuple[str, ...], tuple[str, ...]] | None:
     """The lines of minima and of maxima, a box each, at the end of a header; None where it ends before them."""
-    found: list[tuple[str, ...]] = []
+    tables: list[tuple[str, ...]] = []
     for name in ("minima", "maxima"):
         blank, head = next(lines, "").strip(), next(lines, "").strip()
-        if not found and not blank and not head:
+        if not tables and not blank and not head:
             return None
         rows = tuple(next(lines, "").strip() for _ in range(count))
         if blank or head != f"{count},{components}" or any(row.count(",") != components for row in rows):
             raise ValueError(f"{what}: the {name} of {count} boxes and {components} components must follow")
-        found.append(rows)
-    return found[0], found[1]
+        tables.append(rows)
+    return tables[0], tables[1]
 
 
 def _check_inside(boxes: NDArray[np.int64], low: Sequence[int], counts: Sequence[int], number: int) -> None:
@@ -274,13 +274,13 @@ def _check_full(level: RefinementLevel) -> None:
     cells = int(np.prod(level.boxes[:, 1] - level.boxes[:, 0] + 1, axis=1).sum())
     is_full = cells == math.prod(level.counts)
     if is_full and math.prod(map(len, edges)) <= MOST_BLOCKS:
-        taken = np.zeros([len(edge) - 1 for edge in edges], dtype=bool)
+        covered = np.zeros([len(edge) - 1 for edge in edges], dtype=bool)
         first, last = (
             np.stack([np.searchsorted(edges[a], level.boxes[:, e, a] + e) for a in range(3)], 1) for e in (0, 1)
         )
         for low, high in zip(first.tolist(), last.tolist(), strict=True):
-            taken[tuple(slice(a, b) for a, b in zip(low, high, strict=True))] = True
-        is_full = bool(taken.all())
+            covered[tuple(slice(a, b) for a, b in zip(low, high, strict=True))] = True
+        is_full = bool(covered.all())
     if not is_full:
         raise ValueError(
             f"Level_0/Cell_H: its boxes of {cells} cells do not fill the domain of {math.prod(level.counts)} cells"
@@ -300,12 +300,12 @@ def _numbers(
         with (folder / name).open("rb") as file:
             for i in (i for i, place in enumerate(places) if place[0] == name):
                 file.seek(places[i][1])
-                found = FAB.fullmatch(file.readline(LINE).decode("latin-1"))
-                if found is None or list(map(int, found.groups()[5:11])) != boxes[i].ravel().tolist():
+                match = FAB.fullmatch(file.readline(LINE).decode("latin-1"))
+                if match is None or list(map(int, match.groups()[5:11])) != boxes[i].ravel().tolist():
                     raise ValueError(f"{what}: box {i} does not begin at byte {places[i][1]}: is it being written?")
-                kind = _kind(found)
+                kind = _kind(match)
                 cells = int(np.prod(boxes[i, 1] - boxes[i, 0] + 1))
-                if kind is None or int(found[15]) != components or any(map(int, found.groups()[11:14])):
+                if kind is None or int(match[15]) != components or any(map(int, match.groups()[11:14])):
                     raise ValueError(f"{what}: box {i} must hold {components} components of IEEE numbers on cells")
                 if file.tell() + cells * components * kind.itemsize > size:
                     raise ValueError(f"{what}: box {i} ends behind the file's {size} bytes: is it being written?")
@@ -314,11 +314,11 @@ def _numbers(
     return kinds, tuple(begins[i] for i in range(len(places)))
 
 
-def _kind(found: re.Match[str]) -> np.dtype[np.floating] | None:
+def _kind(match: re.Match[str]) -> np.dtype[np.floating] | None:
     """The numbers that the description of a box means: IEEE in one of two orders; None for others."""
-    size = IEEE.get(found[2])
-    order = [int(word) for word in found[4].split()]
-    if size is None or found[3] != str(size) or int(found[1]) != len(found[2].split()):
+    size = IEEE.get(match[2])
+    order = [int(word) for word in match[4].split()]
+    if size is None or match[3] != str(size) or int(match[1]) != len(match[2].split()):
         return None
     if order == list(range(1, size + 1)):
         return np.dtype(f">f{size}")

@@ -123,9 +123,9 @@ class Arrays:
         """The real numbers along an axis of `array`: the array of one axis that is called like it, in its group or above."""
         group = array.group
         while dim:
-            found = self.arrays.get(f"{group}/{dim}" if group else dim)
-            if found is not None:
-                return found if len(found.shape) == 1 and found.dtype.kind in "fiu" else None
+            along = self.arrays.get(f"{group}/{dim}" if group else dim)
+            if along is not None:
+                return along if len(along.shape) == 1 and along.dtype.kind in "fiu" else None
             if not group:
                 break
             group = group.rpartition("/")[0]
@@ -137,8 +137,8 @@ class Arrays:
         """The values at indices of the first axes of `array`, with the coordinates of the others."""
         names = tuple(dims or array.dims)[len(index) :]
         along = {name: self.coordinate(array, name) for name in names}
-        held = {name: coordinate for name, coordinate in along.items() if coordinate is not None}
-        coords = {name: LabelledArray(c.read(), (name,), {}, name, c.attrs) for name, c in held.items()}
+        coordinates = {name: coordinate for name, coordinate in along.items() if coordinate is not None}
+        coords = {name: LabelledArray(c.read(), (name,), {}, name, c.attrs) for name, c in coordinates.items()}
         return LabelledArray(array.read(index), names, coords, array.stem, array.attrs)
 
 
@@ -200,42 +200,42 @@ def _of_hdf5(file: h5py.File) -> Arrays:
     arrays: dict[str, StoredArray] = {}
     attrs: dict[str, Mapping[str, Any]] = {"": dict(file.attrs)}
 
-    def visit(name: str, held: Any) -> None:  # not led to by links to other files
-        if isinstance(held, h5py.Dataset):
-            if held.shape is not None:
-                arrays[name] = StoredArray(name, held.shape, held.dtype, _dims(held), dict(held.attrs), _inside(held))
-        elif isinstance(held, h5py.Group):
-            attrs[name] = dict(held.attrs)
+    def visit(name: str, item: Any) -> None:  # not led to by links to other files
+        if isinstance(item, h5py.Dataset):
+            if item.shape is not None:
+                arrays[name] = StoredArray(name, item.shape, item.dtype, _dims(item), dict(item.attrs), _inside(item))
+        elif isinstance(item, h5py.Group):
+            attrs[name] = dict(item.attrs)
 
     file.visititems(visit)
     return Arrays(arrays, attrs)
 
 
-def _dims(held: h5py.Dataset) -> tuple[str, ...]:
+def _dims(dataset: h5py.Dataset) -> tuple[str, ...]:
     """Names of the axes: their labels, else of the scales attached to them; a scale names its own axis."""
-    if held.is_scale:
-        return (held.name.rpartition("/")[2],) * len(held.shape)
-    return tuple(d.label or (d[0].name.rpartition("/")[2] if len(d) else "") for d in held.dims)
+    if dataset.is_scale:
+        return (dataset.name.rpartition("/")[2],) * len(dataset.shape)
+    return tuple(d.label or (d[0].name.rpartition("/")[2] if len(d) else "") for d in dataset.dims)
 
 
-def _inside(held: h5py.Dataset) -> Callable[[tuple[int, ...]], Any]:
+def _inside(dataset: h5py.Dataset) -> Callable[[tuple[int, ...]], Any]:
     """Reads of a data set whose values lie in its own file; raises ValueError for others."""
 
     def fetch(index: tuple[int, ...]) -> Any:
-        _check_inside(held)
-        return held.asstr()[index] if h5py.check_string_dtype(held.dtype) else held[index]
+        _check_inside(dataset)
+        return dataset.asstr()[index] if h5py.check_string_dtype(dataset.dtype) else dataset[index]
 
     return fetch
 
 
-def _check_inside(held: h5py.Dataset) -> None:
-    folder = Path(held.file.filename).resolve().parent
-    names = [name for name, *_ in held.external or ()]
-    names += [source.file_name for source in held.virtual_sources()] if held.is_virtual else []
+def _check_inside(dataset: h5py.Dataset) -> None:
+    folder = Path(dataset.file.filename).resolve().parent
+    names = [name for name, *_ in dataset.external or ()]
+    names += [source.file_name for source in dataset.virtual_sources()] if dataset.is_virtual else []
     outside = [name for name in names if name != "." and not (folder / name).resolve().is_relative_to(folder)]
     if outside:
         raise ValueError(
-            f"data set {held.name!r} reads {outside[0]}, which lies outside the file's folder: copy it there"
+            f"data set {dataset.name!r} reads {outside[0]}, which lies outside the file's folder: copy it there"
         )
 
 
@@ -244,20 +244,20 @@ def _refuse_outside(file: h5py.File) -> None:
     links: list[tuple[str, str]] = []
     sets: list[h5py.Dataset] = []
 
-    def link(name: str, held: Any) -> None:
-        if isinstance(held, h5py.ExternalLink):
-            links.append((name, held.filename))
+    def link(name: str, target: Any) -> None:
+        if isinstance(target, h5py.ExternalLink):
+            links.append((name, target.filename))
 
-    def item(name: str, held: Any) -> None:
-        if isinstance(held, h5py.Dataset):
-            sets.append(held)
+    def item(name: str, node: Any) -> None:
+        if isinstance(node, h5py.Dataset):
+            sets.append(node)
 
     file.visititems_links(link)  # which takes no exception
     file.visititems(item)
     for name, other in links:
         raise ValueError(f"{name!r} is a link to {other}: only what lies in the file itself is read")
-    for held in sets:
-        _check_inside(held)
+    for dataset in sets:
+        _check_inside(dataset)
 
 
 @contextmanager
@@ -296,17 +296,17 @@ def open_classic(path: Path) -> Iterator[Arrays]:
     with netCDF4.Dataset(str(path), "r") as file:
         file.set_auto_maskandscale(False)
         attrs = {name: file.getncattr(name) for name in file.ncattrs()}
-        yield Arrays({name: _stored(name, held) for name, held in file.variables.items()}, {"": attrs})
+        yield Arrays({name: _array_of(name, variable) for name, variable in file.variables.items()}, {"": attrs})
 
 
-def _stored(name: str, held: Any) -> StoredArray:
-    attrs = {key: held.getncattr(key) for key in held.ncattrs()}
-    dims, fetch = tuple(held.dimensions), _fetch(held)
-    return StoredArray(name, tuple(held.shape), np.dtype(held.dtype), dims, attrs, fetch, default_fill=True)
+def _array_of(name: str, variable: Any) -> StoredArray:
+    attrs = {key: variable.getncattr(key) for key in variable.ncattrs()}
+    dims, fetch = tuple(variable.dimensions), _fetch(variable)
+    return StoredArray(name, tuple(variable.shape), np.dtype(variable.dtype), dims, attrs, fetch, default_fill=True)
 
 
-def _fetch(held: Any) -> Callable[[tuple[int, ...]], Any]:
-    return lambda index: held[index] if index else held[...]
+def _fetch(variable: Any) -> Callable[[tuple[int, ...]], Any]:
+    return lambda index: variable[index] if index else variable[...]
 
 
 def _peculiar(file: h5py.File) -> tuple[set[str], set[str]]:
@@ -316,12 +316,12 @@ def _peculiar(file: h5py.File) -> tuple[set[str], set[str]]:
     unfilled: set[str] = set()
     ragged: set[str] = set()
 
-    def visit(name: str, held: Any) -> None:
-        if isinstance(held, h5py.Dataset):
-            if h5py.check_vlen_dtype(held.dtype) not in (None, str, bytes):
+    def visit(name: str, item: Any) -> None:
+        if isinstance(item, h5py.Dataset):
+            if h5py.check_vlen_dtype(item.dtype) not in (None, str, bytes):
                 ragged.add(name.rpartition("/")[2])
-            elif held.dtype.itemsize == 1:
-                defined = held.id.get_create_plist().fill_value_defined()
+            elif item.dtype.itemsize == 1:
+                defined = item.id.get_create_plist().fill_value_defined()
                 unfilled.update([name] if defined != h5py.h5d.FILL_VALUE_USER_DEFINED else [])
 
     file.visititems(visit)
@@ -355,11 +355,11 @@ def _xarray(kind: str) -> Any:
 def _of_xarray(groups: Mapping[str, Any]) -> Iterator[Arrays]:
     arrays: dict[str, StoredArray] = {}
     with ExitStack() as stack:
-        for held in groups.values():
-            stack.callback(held.close)
-        for place, held in groups.items():
+        for dataset in groups.values():
+            stack.callback(dataset.close)
+        for place, dataset in groups.items():
             prefix = place.strip("/")
-            for name, array in held.variables.items():
+            for name, array in dataset.variables.items():
                 full = f"{prefix}/{name}" if prefix else str(name)
                 kind = np.dtype(array.dtype)
                 fetch = _of_variable(array)
@@ -368,7 +368,7 @@ def _of_xarray(groups: Mapping[str, Any]) -> Iterator[Arrays]:
                 )
         # A Zarr folder lists its arrays in any order.
         yield Arrays(
-            dict(sorted(arrays.items())), {place.strip("/"): dict(held.attrs) for place, held in groups.items()}
+            dict(sorted(arrays.items())), {place.strip("/"): dict(dataset.attrs) for place, dataset in groups.items()}
         )
 
 
@@ -381,9 +381,9 @@ def _of_zarr(path: Path) -> Arrays:
     import zarr
 
     top: Any = zarr.open(str(path), mode="r")
-    held = {"array": top} if isinstance(top, zarr.Array) else dict(top.members(max_depth=None))
+    items = {"array": top} if isinstance(top, zarr.Array) else dict(top.members(max_depth=None))
     arrays, attrs = {}, {"": dict(top.attrs)}
-    for name, item in held.items():
+    for name, item in items.items():
         if not isinstance(item, zarr.Array):
             attrs[name] = dict(item.attrs)
             continue

@@ -49,10 +49,10 @@ class MeshBlocks:
 
     def check_full(self) -> None:
         """Raise ValueError unless the blocks fill the domain, each cell once."""
-        taken = np.zeros([n // k for n, k in zip(self.counts, self.size, strict=True)], dtype=np.uint8)  # x, y, z
+        counts = np.zeros([n // k for n, k in zip(self.counts, self.size, strict=True)], dtype=np.uint8)  # x, y, z
         for ratio, start in zip(self.ratios, self.starts // self.size, strict=True):
-            taken[tuple(slice(a, a + ratio) for a in start)] += 1
-        if not (taken == 1).all():
+            counts[tuple(slice(a, a + ratio) for a in start)] += 1
+        if not (counts == 1).all():
             raise ValueError(f"its {len(self.ratios)} blocks do not fill the domain of {self.counts} cells, each once")
 
 
@@ -89,16 +89,16 @@ def read(path: Path, array: str | None, index: tuple[int, ...], sampling: Sampli
             )
         blocks, variables = _blocks(file), _variables(file)
         name = chosen_array(array, list(variables))
-        held, number = _data_set(file, variables[name][0]), variables[name][1]
+        dataset, number = _data_set(file, variables[name][0]), variables[name][1]
         count = len(blocks.ratios)
-        if held.ndim != 5 or held.shape[0] <= number or held.shape[1:] != (count, *blocks.size[::-1]):
+        if dataset.ndim != 5 or dataset.shape[0] <= number or dataset.shape[1:] != (count, *blocks.size[::-1]):
             raise ValueError(
-                f"{name} must have {(number + 1, count, *blocks.size[::-1])} values or more, got {held.shape}"
+                f"{name} must have {(number + 1, count, *blocks.size[::-1])} values or more, got {dataset.shape}"
             )
-        check_room(math.prod(blocks.counts) * held.dtype.itemsize, f"{name!r} on {blocks.counts} cells")
-        values = np.empty(blocks.counts[::-1], dtype=held.dtype.newbyteorder("="))  # [nz, ny, nx]
+        check_room(math.prod(blocks.counts) * dataset.dtype.itemsize, f"{name!r} on {blocks.counts} cells")
+        values = np.empty(blocks.counts[::-1], dtype=dataset.dtype.newbyteorder("="))  # [nz, ny, nx]
         for block, (ratio, start) in enumerate(zip(blocks.ratios.tolist(), blocks.starts.tolist(), strict=True)):
-            cells = held[number, block]
+            cells = dataset[number, block]
             if ratio > 1:
                 cells = cells.repeat(ratio, 0).repeat(ratio, 1).repeat(ratio, 2)
             x, y, z = (slice(a, a + ratio * n) for a, n in zip(start, blocks.size, strict=True))
@@ -161,11 +161,11 @@ def _blocks(file: h5py.File) -> MeshBlocks:
 
 def _faces(file: h5py.File, blocks: MeshBlocks, axis: int) -> NDArray[np.float64]:
     """The faces of cells along an axis, as the blocks say; NaN where only coarser ones lie."""
-    held = _data_set(file, f"x{axis + 1}f")[()].astype(np.float64)
-    if held.shape != (len(blocks.ratios), blocks.size[axis] + 1):
-        raise ValueError(f"x{axis + 1}f must have a row of {blocks.size[axis] + 1} for each block, got {held.shape}")
+    rows = _data_set(file, f"x{axis + 1}f")[()].astype(np.float64)
+    if rows.shape != (len(blocks.ratios), blocks.size[axis] + 1):
+        raise ValueError(f"x{axis + 1}f must have a row of {blocks.size[axis] + 1} for each block, got {rows.shape}")
     faces = np.full(blocks.counts[axis] + 1, np.nan)
-    for own, ratio, start in zip(held, blocks.ratios.tolist(), blocks.starts[:, axis].tolist(), strict=True):
+    for own, ratio, start in zip(rows, blocks.ratios.tolist(), blocks.starts[:, axis].tolist(), strict=True):
         place = slice(start, start + ratio * blocks.size[axis] + 1, ratio)
         slack = SLACK * np.abs(np.diff(own)).min() + SINGLE * np.abs(own).max()
         if (np.abs(faces[place] - own) > slack).any():
@@ -191,11 +191,11 @@ def _variables(file: h5py.File) -> dict[str, tuple[str, int]]:
 
 def _data_set(file: h5py.File, name: str) -> h5py.Dataset:
     """A data set whose values lie in the file itself."""
-    held = file[name] if isinstance(file.get(name, getlink=True), h5py.HardLink) else None
-    if not isinstance(held, h5py.Dataset) or held.is_virtual or held.external or held.dtype.kind not in "fiu":
+    item = file[name] if isinstance(file.get(name, getlink=True), h5py.HardLink) else None
+    if not isinstance(item, h5py.Dataset) or item.is_virtual or item.external or item.dtype.kind not in "fiu":
         raise ValueError(f"there is no data set {name!r} of numbers in it")
-    check_room(held.size * held.dtype.itemsize, repr(name))
-    return held
+    check_room(item.size * item.dtype.itemsize, repr(name))
+    return item
 
 
 def _numbers(file: h5py.File, name: str, count: int) -> NDArray[np.float64]:

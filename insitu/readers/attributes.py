@@ -41,12 +41,12 @@ def auxiliaries(arrays: Arrays, *, but: str = "") -> set[str]:
 
     They are fields or parameters only where the user says so.
     """
-    found: set[str] = set()
+    paths: set[str] = set()
     about = [(a.group, a.attrs) for a in arrays.arrays.values()] + list(arrays.attrs.items())
     for group, attrs in about:
         stated = {key: as_text(value) for key, value in attrs.items() if isinstance(value, str | bytes) and key != but}
-        found |= {path for name in described(stated) if (path := _nearest(arrays, group, name))}
-    return found
+        paths |= {path for name in described(stated) if (path := _nearest(arrays, group, name))}
+    return paths
 
 
 def is_time(array: StoredArray) -> bool:
@@ -67,14 +67,14 @@ def _nearest(arrays: Arrays, group: str, name: str) -> str:
 
 def table_of(array: StoredArray) -> tuple[NDArray[np.float64], tuple[str, ...]]:
     """Parameters [M, P] and, where the array names its columns, their names."""
-    held = array.read()
+    values = array.read()
     if array.dtype.names:
-        return np.stack([held[n] for n in array.dtype.names], axis=1).astype(np.float64), tuple(array.dtype.names)
-    if held.ndim == 1:
-        held = held[:, None]
-    if held.ndim != 2 or held.dtype.kind not in "fiu":
+        return np.stack([values[n] for n in array.dtype.names], axis=1).astype(np.float64), tuple(array.dtype.names)
+    if values.ndim == 1:
+        values = values[:, None]
+    if values.ndim != 2 or values.dtype.kind not in "fiu":
         raise ValueError(f"{array!r} must hold one row of numbers a member")
-    return held.astype(np.float64), ()
+    return values.astype(np.float64), ()
 
 
 def numbers_of(array: StoredArray) -> NDArray[np.float64]:
@@ -86,34 +86,34 @@ def numbers_of(array: StoredArray) -> NDArray[np.float64]:
 
 def attributes_about(arrays: Arrays, array: StoredArray) -> dict[str, Any]:
     """The attributes of the file, of the groups above an array, and its own: the nearest hold."""
-    found = dict(arrays.attrs.get("", {}))
+    attributes = dict(arrays.attrs.get("", {}))
     path = ""
     for part in array.group.split("/") if array.group else ():
         path = f"{path}/{part}" if path else part
-        found.update(arrays.attrs.get(path, {}))
-    return {**found, **array.attrs}
+        attributes.update(arrays.attrs.get(path, {}))
+    return {**attributes, **array.attrs}
 
 
 def column_names(arrays: Arrays, columns: StoredArray, count: int, fields: Sequence[StoredArray]) -> tuple[str, ...]:
     """Names of `count` columns; raises ValueError asking for them."""
-    found: dict[str, tuple[str, ...]] = {}
+    lists: dict[str, tuple[str, ...]] = {}
     for array in (*fields, columns):
         about = attributes_about(arrays, array)
-        found |= {
+        lists |= {
             k: words for k, v in about.items() if "unit" not in k.lower() and len(words := words_of(v, count)) == count
         }
     for array in arrays.arrays.values():  # names may be an array of words
         if array.shape == (count,) and array.dtype.kind in "OSUT":
-            found[array.name] = tuple(map(as_text, array.read()))
-    ranked = [k for k in found if k.lower().rpartition("/")[2] in NAMES]
-    ranked += [k for k in found if "name" in k.lower()] + [
-        k for k in found if re.search("param|column|label|variable", k.lower())
+            lists[array.name] = tuple(map(as_text, array.read()))
+    ranked = [k for k in lists if k.lower().rpartition("/")[2] in NAMES]
+    ranked += [k for k in lists if "name" in k.lower()] + [
+        k for k in lists if re.search("param|column|label|variable", k.lower())
     ]
-    candidates = ranked or (list(found) if len(found) == 1 else [])
+    candidates = ranked or (list(lists) if len(lists) == 1 else [])
     if not candidates:
-        more = f": attributes {joined_names(sorted(found))} could be they" if found else ""
+        more = f": attributes {joined_names(sorted(lists))} could be they" if lists else ""
         raise asking(arrays, [f"--names, the names of the {count} columns of {columns.name!r}{more}"])
-    return found[candidates[0]]
+    return lists[candidates[0]]
 
 
 def column_units(arrays: Arrays, columns: StoredArray, count: int, fields: Sequence[StoredArray]) -> tuple[str, ...]:
@@ -121,18 +121,18 @@ def column_units(arrays: Arrays, columns: StoredArray, count: int, fields: Seque
     about = {**attributes_about(arrays, fields[0] if fields else columns), **columns.attrs}
     own = {**arrays.attrs.get("", {}), **columns.attrs}
     keys = [k for k in about if "unit" in k.lower() and (k in own or "param" in k.lower())]
-    found = (words_of(about[k], count, empty=True) for k in sorted(keys, key=lambda k: "param" not in k.lower()))
-    return next((words for words in found if len(words) == count), ("",) * count)
+    unit_lists = (words_of(about[k], count, empty=True) for k in sorted(keys, key=lambda k: "param" not in k.lower()))
+    return next((words for words in unit_lists if len(words) == count), ("",) * count)
 
 
 def words_of(value: Any, count: int, *, empty: bool = False) -> tuple[str, ...]:
     """The words of an attribute: an array of them, a JSON list, or one text that separates them by comma, semicolon or space."""
-    held = np.asarray(value)
-    if held.dtype.kind in "OSUT" and held.ndim == 1:
-        return tuple(map(as_text, held))
-    if held.ndim or held.dtype.kind not in "OSUT":
+    array = np.asarray(value)
+    if array.dtype.kind in "OSUT" and array.ndim == 1:
+        return tuple(map(as_text, array))
+    if array.ndim or array.dtype.kind not in "OSUT":
         return ()
-    text = as_text(held.item() if held.dtype.kind != "T" else str(held)).strip()
+    text = as_text(array.item() if array.dtype.kind != "T" else str(array)).strip()
     if text.startswith("["):
         try:
             listed = json.loads(text)
@@ -151,8 +151,8 @@ def bounds_about(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
     """(low, high) of each of `count` parameters as attributes say; None where they don't."""
     about = attributes_about(arrays, columns or field) | attributes_about(arrays, field)
-    held = {k.lower(): np.asarray(v) for k, v in about.items()}
-    numbers = {k: v.astype(np.float64) for k, v in held.items() if v.dtype.kind in "fiu"}
+    by_key = {k.lower(): np.asarray(v) for k, v in about.items()}
+    numbers = {k: v.astype(np.float64) for k, v in by_key.items() if v.dtype.kind in "fiu"}
     low, high = (next((np.atleast_1d(numbers[k]) for k in keys if k in numbers), None) for keys in (LOWER, UPPER))
     if low is None or high is None:
         both = next(
@@ -169,16 +169,16 @@ def bounds_about(
 
 def splits_of(arrays: Arrays, name: str | None, count: int) -> tuple[str, ...] | None:
     """The splits of `count` members, from the array of this name or "split"; None where there is none."""
-    found = wanted_array(arrays, name or SPLIT)
-    if found is None:
+    array = wanted_array(arrays, name or SPLIT)
+    if array is None:
         if name:
             raise ValueError(f"--split: there is no array {name!r}; the file holds {arrays}")
         return None
-    words = [as_text(word).lower() for word in found.read().ravel()]
+    words = [as_text(word).lower() for word in array.read().ravel()]
     splits = tuple(SPLIT_WORDS.get(word, word) for word in words)
     wrong = sorted(set(splits) - set(SPLITS))
     if len(splits) != count or wrong:
-        raise ValueError(f"{found.name!r} must hold {count} of {SPLITS}, got {len(splits)} with {wrong or 'no others'}")
+        raise ValueError(f"{array.name!r} must hold {count} of {SPLITS}, got {len(splits)} with {wrong or 'no others'}")
     return splits
 
 

@@ -57,8 +57,8 @@ class Chunk:
 
 def recognizes(path: Path) -> bool:
     """True if the name is `clover.<chunk>.<step>.vtk`."""
-    found = NAME.fullmatch(path.name)
-    return found is not None and found["stem"] == "clover" and path.is_file()
+    match = NAME.fullmatch(path.name)
+    return match is not None and match["stem"] == "clover" and path.is_file()
 
 
 def files(path: Path) -> list[Path]:
@@ -67,9 +67,9 @@ def files(path: Path) -> list[Path]:
     if own is None:
         return [path]
     ending = f".{own['step']}{own['ending']}"
-    chunks = [found for name in os.listdir(path.parent) if name.endswith(ending) and (found := NAME.fullmatch(name))]
-    same = [found for found in chunks if found["stem"] == own["stem"]]
-    return [path.with_name(found.string) for found in sorted(same, key=lambda found: int(found["chunk"]))] or [path]
+    chunks = [match for name in os.listdir(path.parent) if name.endswith(ending) and (match := NAME.fullmatch(name))]
+    same = [match for match in chunks if match["stem"] == own["stem"]]
+    return [path.with_name(match.string) for match in sorted(same, key=lambda match: int(match["chunk"]))] or [path]
 
 
 def records(path: Path, sampling: Sampling) -> list[StoredState]:
@@ -112,8 +112,8 @@ def read(path: Path, array: str | None, index: tuple[int, ...], sampling: Sampli
 
 def _step(path: Path) -> int:
     """The step in a file's name, -1 where it has none."""
-    found = NAME.fullmatch(path.name)
-    return -1 if found is None else int(found["step"])
+    match = NAME.fullmatch(path.name)
+    return -1 if match is None else int(match["step"])
 
 
 def _most_chunks(path: Path) -> int:
@@ -121,7 +121,7 @@ def _most_chunks(path: Path) -> int:
     own = NAME.fullmatch(path.name)
     if own is None:
         return 0
-    others = (found for name in os.listdir(path.parent) if (found := NAME.fullmatch(name)))
+    others = (match for name in os.listdir(path.parent) if (match := NAME.fullmatch(name)))
     steps = Counter(o["step"] for o in others if (o["stem"], o["ending"]) == (own["stem"], own["ending"]))
     return max(steps.values(), default=0)
 
@@ -133,13 +133,13 @@ def _blocks(path: Path) -> int:
     if not (own and listed.is_file()):
         return 0
     with listed.open("rb") as file:
-        found = re.fullmatch(rb"!NBLOCKS\s+(\d{1,9})\s*", file.readline(LINE))
-    return int(found[1]) if found else 0
+        match = re.fullmatch(rb"!NBLOCKS\s+(\d{1,9})\s*", file.readline(LINE))
+    return int(match[1]) if match else 0
 
 
 def _check_complete(path: Path, parts: Sequence[Path]) -> None:
     """Raise ValueError where a chunk is missing, as far as numbers of chunks, other steps and `clover.visit` tell."""
-    numbers = {int(found["chunk"]) for part in parts if (found := NAME.fullmatch(part.name))}
+    numbers = {int(match["chunk"]) for part in parts if (match := NAME.fullmatch(part.name))}
     most = max(_most_chunks(path), _blocks(path))
     missing = sorted(set(range(1, 1 + max(most, *numbers, 0))) - numbers) if numbers else []
     if missing:
@@ -194,13 +194,13 @@ def _axes(file: BinaryIO, size: int) -> tuple[PrintedAxis, PrintedAxis, PrintedA
 
 def _section(file: BinaryIO, axes: Sequence[PrintedAxis], array: str | None) -> Section:
     """The array that is asked for, or the only one; `file` stands behind its coordinates."""
-    found = []
+    sections = []
     for section in _sections(file, axes):
         if section.name == array:
             return section
-        found.append(section)
-    chosen = chosen_array(array, [section.name for section in found])
-    return next(section for section in found if section.name == chosen)
+        sections.append(section)
+    chosen = chosen_array(array, [section.name for section in sections])
+    return next(section for section in sections if section.name == chosen)
 
 
 def _sections(file: BinaryIO, axes: Sequence[PrintedAxis]) -> Iterator[Section]:
@@ -251,9 +251,9 @@ def _parsed(path: Path, section: Section, spell: Callable[[bytes], bytes]) -> ND
 
 def _skip_lines(file: BinaryIO, count: int, name: str) -> None:
     while block := file.read(BLOCK):
-        found = block.count(b"\n")
-        if found < count:
-            count -= found
+        line_ends = block.count(b"\n")
+        if line_ends < count:
+            count -= line_ends
             continue
         ends = np.flatnonzero(np.frombuffer(block, np.uint8) == ord("\n"))
         file.seek(int(ends[count - 1]) + 1 - len(block), os.SEEK_CUR)

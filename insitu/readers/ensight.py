@@ -86,10 +86,10 @@ class _Binary:
 
     def integers(self, count: int) -> list[int]:
         self._move(4 * count)
-        held = self.data[self.place - 4 * count : self.place]
+        data = self.data[self.place - 4 * count : self.place]
         if not self.order:  # the first is the number of a part
-            self.order = min("<>", key=lambda order: int(np.frombuffer(held, f"{order}u4")[0]))
-        return np.frombuffer(held, f"{self.order}i4").tolist()
+            self.order = min("<>", key=lambda order: int(np.frombuffer(data, f"{order}u4")[0]))
+        return np.frombuffer(data, f"{self.order}i4").tolist()
 
     def skip(self, count: int, lines: int) -> None:
         self._move(4 * count)
@@ -109,17 +109,17 @@ def check_case(path: Path, text: str) -> None:
     try:
         geometry = next(_named(path, word) for word in models[0] if not word.isdigit())
         counts = _geometry(geometry)
-        for found in filter(None, map(VARIABLE.match, lines)):
-            _variable(_named(path, found[3].split()[-1]), found[1], found[2] == "element", counts)
+        for match in filter(None, map(VARIABLE.match, lines)):
+            _variable(_named(path, match[3].split()[-1]), match[1], match[2] == "element", counts)
     except _Unwalked:
         return
 
 
 def _named(path: Path, name: str) -> Path:
-    held = sorted(path.parent.glob(re.sub(r"\*+", "[0-9]*", name))) if "*" in name else [path.parent / name]
-    if not held or not held[0].is_file():
+    files = sorted(path.parent.glob(re.sub(r"\*+", "[0-9]*", name))) if "*" in name else [path.parent / name]
+    if not files or not files[0].is_file():
         raise ValueError(f"there is no file {name}, which it names")
-    return held[0]
+    return files[0]
 
 
 def _content(path: Path) -> bytes | mmap.mmap:
@@ -133,7 +133,7 @@ def _geometry(path: Path) -> Counts:
     if b"\0" in data[:LINE] and not is_binary:
         raise _Unwalked
     cursor: _Cursor = _Binary(data) if is_binary else _Text(data)
-    part, found = 0, dict[tuple[int, str], tuple[int, int]]()
+    part, sections = 0, dict[tuple[int, str], tuple[int, int]]()
     try:
         _begin(cursor, is_binary)
         cursor.words()
@@ -146,14 +146,14 @@ def _geometry(path: Path) -> Counts:
             elif section.startswith("extents"):
                 cursor.skip(6, 3)
             else:
-                found[part, section.split()[0]] = _section(cursor, section, ids)
+                sections[part, section.split()[0]] = _section(cursor, section, ids)
     except EOFError:
         raise ValueError(f"{path.name}: {CUT.format(part)}") from None
     except (IndexError, ValueError):
         raise _Unwalked from None
-    if not found:
+    if not sections:
         raise ValueError(f"{path.name}: {CUT.format(part)}")
-    return found
+    return sections
 
 
 def _begin(cursor: _Cursor, is_binary: bool) -> None:

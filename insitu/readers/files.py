@@ -46,9 +46,9 @@ def read_field(
 ) -> Grid:
     """The field stored in `path` as a grid; `nan` as in `to_grid`, the other arguments as in `read_data` and `FieldLocation`."""
     location = FieldLocation(spacing, origin, dims=dims, nan=nan)
-    stored = read_data(path, location, array=array, reader=reader, sampling=sampling)
+    data = read_data(path, location, array=array, reader=reader, sampling=sampling)
     try:
-        return to_grid(stored, nan=nan, warn=False)
+        return to_grid(data, nan=nan, warn=False)
     except (ValueError, TypeError) as error:
         raise ValueError(f"{path}: {error}") from error
 
@@ -98,7 +98,7 @@ def read_data(
         if is_store(path):
             with open_in_time(path) as arrays:
                 return placed_field(arrays, volume(arrays, array), location=location)
-        if _given(location):
+        if _stated(location):
             raise ValueError("VTK files say where their values lie: leave spacing, origin and dims out")
         return vtk_files.read(path, array)
     except READING as error:
@@ -120,27 +120,27 @@ def _of_code(
     if code.opens is not None:
         index = index or code.states(path, sampling)[0].index
         with code.reading(path), code.opens(path) as arrays:
-            held = volume(arrays, array, len(index))
-            return placed_field(arrays, held, index if len(held.shape) > 3 else (), location)
+            chosen = volume(arrays, array, len(index))
+            return placed_field(arrays, chosen, index if len(chosen.shape) > 3 else (), location)
     with code.reading(path):
         assert code.read is not None, "it has neither read nor opens"
-        found = code.read(path, array, index, sampling)
-    if other := [name for name in _given(location) if not _is_said(found, name, getattr(location, name))]:
+        field = code.read(path, array, index, sampling)
+    if other := [name for name in _stated(location) if not _is_said(field, name, getattr(location, name))]:
         raise ValueError(
             f"files of {code.name} say where their values lie: leave {', '.join(other)} out; this one has "
-            f"{', '.join(f'{name} {getattr(found, name, None)}' for name in other)}"
+            f"{', '.join(f'{name} {getattr(field, name, None)}' for name in other)}"
         )
-    return found
+    return field
 
 
-def _is_said(found: Any, name: str, given: Sequence[float]) -> bool:
+def _is_said(field: Any, name: str, value: Sequence[float]) -> bool:
     """True if a field that was read has the spacing or the origin that is given, too."""
-    if name == "dims" or not isinstance(found, Field):
+    if name == "dims" or not isinstance(field, Field):
         return False
-    return np.allclose(given, getattr(found, name), rtol=0.0, atol=SAME * np.array(found.spacing))
+    return np.allclose(value, getattr(field, name), rtol=0.0, atol=SAME * np.array(field.spacing))
 
 
-def _given(location: FieldLocation) -> list[str]:
+def _stated(location: FieldLocation) -> list[str]:
     return [name for name in ("spacing", "origin", "dims") if getattr(location, name) is not None]
 
 
@@ -155,25 +155,25 @@ def _plain(values: NDArray[Any], name: str, location: FieldLocation) -> Field:
 
 def _packed(path: Path, array: str | None, location: FieldLocation) -> Field:
     """An array of a .npz file; `spacing` and `origin` may be arrays beside it."""
-    with np.load(path, mmap_mode=None, allow_pickle=False) as held:
+    with np.load(path, mmap_mode=None, allow_pickle=False) as archive:
         shapes = {}
-        for name in held.files:
-            inner = name if name in held.zip.namelist() else f"{name}.npy"
-            with held.zip.open(inner) as stream:
-                shapes[name] = _claimed(stream, held.zip.getinfo(inner).file_size, f"array {name!r}")
+        for name in archive.files:
+            inner = name if name in archive.zip.namelist() else f"{name}.npy"
+            with archive.zip.open(inner) as stream:
+                shapes[name] = _claimed(stream, archive.zip.getinfo(inner).file_size, f"array {name!r}")
         volumes = [name for name, shape in shapes.items() if len(shape) == 3]
         if array is None and len(volumes) != 1:
             raise ValueError(f"name the array to render: it has {shapes or 'none'}")
         if array is not None and array not in shapes:
             raise ValueError(f"no array {array!r}: it has {shapes or 'none'}")
         beside = [k for k in ("spacing", "origin") if getattr(location, k) is None and shapes.get(k) == (3,)]
-        place: dict[str, Any] = {key: tuple(map(float, held[key])) for key in beside}
+        place: dict[str, Any] = {key: tuple(map(float, archive[key])) for key in beside}
         location = replace(location, **place)
         name = volumes[0] if array is None else array
-        return _plain(held[name], name, location)
+        return _plain(archive[name], name, location)
 
 
-def _claimed(stream: IO[bytes], stored: int, what: str) -> tuple[int, ...]:
+def _claimed(stream: IO[bytes], length: int, what: str) -> tuple[int, ...]:
     """The shape that an array in numpy's format claims; raises ValueError where its bytes are others than stored, or too many."""
     version = np.lib.format.read_magic(stream)
     read = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
@@ -181,9 +181,9 @@ def _claimed(stream: IO[bytes], stored: int, what: str) -> tuple[int, ...]:
     if kind.hasobject:
         raise ValueError(f"{what} holds Python objects, which run code when they are read: save numbers")
     size = stream.tell() + math.prod(shape) * kind.itemsize
-    if size != stored:
+    if size != length:
         raise ValueError(
-            f"{what} claims {size} bytes, and has {stored}: it was cut short, or something was added to it"
+            f"{what} claims {size} bytes, and has {length}: it was cut short, or something was added to it"
         )
     check_room(size, what)
     return tuple(shape)
@@ -198,20 +198,20 @@ def volume(arrays: Arrays, name: str | None, states: int = 0) -> StoredArray:
     extents = {
         a.name: sum(size > 1 for size in a.shape[states:]) for a in arrays.arrays.values() if a.name not in aside
     }
-    found = None if name is None else wanted_array(arrays, name)
+    match = None if name is None else wanted_array(arrays, name)
     if name is None:
         shaped = [arrays.arrays[other] for other, count in extents.items() if count == 3]
         real = [array for array in shaped if array.is_real] or shaped
-        found = real[0] if len(real) == 1 else None
-    elif found is None:
+        match = real[0] if len(real) == 1 else None
+    elif match is None:
         raise ValueError(f"there is no array {name!r} of numbers; the file holds {arrays}")
-    larger = found if found is not None and extents.get(found.name, 0) > 3 else None
-    if found is None and 3 not in extents.values():
+    larger = match if match is not None and extents.get(match.name, 0) > 3 else None
+    if match is None and 3 not in extents.values():
         larger = next((a for a in arrays.arrays.values() if a.is_real and extents.get(a.name, 0) > 3), None)
     if larger is not None:
         raise ValueError(f"{larger!r} has more than three axes: in an ensemble each index of the first is a member")
-    if found is None:
+    if match is None:
         raise ValueError(f"name the array to render; the file holds {arrays}")
-    if not found.is_real:
-        raise ValueError(f"array {found.name!r} must hold real numbers, got {found.dtype} {found.shape}")
-    return found
+    if not match.is_real:
+        raise ValueError(f"array {match.name!r} must hold real numbers, got {match.dtype} {match.shape}")
+    return match

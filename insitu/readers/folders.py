@@ -24,15 +24,15 @@ def files_below(base: Path, *, deep: bool = True) -> list[Path]:
 
     Not `deep`: only those that lie in the folder itself.
     """
-    return sorted(_found(base, deep), key=lambda path: natural(path.as_posix()))
+    return sorted(_walk(base, deep), key=lambda path: natural(path.as_posix()))
 
 
-def _found(base: Path, deep: bool) -> Iterator[Path]:
+def _walk(base: Path, deep: bool) -> Iterator[Path]:
     for folder, folders, files in os.walk(base):
-        shown = [name for name in folders if not name.startswith(".")]
-        whole = [name for name in shown if is_folder_file(Path(folder, name))]
+        visible = [name for name in folders if not name.startswith(".")]
+        whole = [name for name in visible if is_folder_file(Path(folder, name))]
         yield from (Path(folder, name) for name in [*files, *whole] if not name.startswith("."))
-        folders[:] = [name for name in shown if name not in whole] if deep else []
+        folders[:] = [name for name in visible if name not in whole] if deep else []
 
 
 def natural(text: str) -> list[tuple[int, str]]:

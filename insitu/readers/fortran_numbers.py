@@ -23,4 +23,4 @@ def spelled(word: str) -> str:
 
 def respelled(line: bytes) -> bytes:
     """A line of numbers with E before their exponents."""
-    return EXPONENT.sub(lambda found: found[1] + b"E" + (found[2] or found[3]), line)
+    return EXPONENT.sub(lambda match: match[1] + b"E" + (match[2] or match[3]), line)

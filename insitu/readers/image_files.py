@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from insitu.readers.arrays import check_room
+from insitu.readers.named_files import require_named
 
 NRRD = {".nrrd", ".nhdr"}
 META = {".mha", ".mhd"}
@@ -109,16 +110,15 @@ def _values(header: _Header) -> NDArray[Any]:
 
 def _part(header: _Header, path: Path, count: int) -> NDArray[Any]:
     """The values in one of the files of an image."""
-    if not path.is_file():
-        raise ValueError(f"there is no file {path.name}, which it names")
+    require_named(path)
     claimed = count * header.kind.itemsize
     with path.open("rb") as file:
         for _ in range(header.lines):
             file.readline()
         if header.encoding == "raw":
             begin = path.stat().st_size - claimed if header.start < 0 else file.tell() + header.start
-            held = path.stat().st_size - begin
-            if begin >= 0 and held == claimed:
+            length = path.stat().st_size - begin
+            if begin >= 0 and length == claimed:
                 file.seek(begin)
                 return _native(file.read(), header.kind)
         else:
@@ -128,9 +128,9 @@ def _part(header: _Header, path: Path, count: int) -> NDArray[Any]:
             data = _unpacked(file, header.encoding, claimed)
             if len(data) == claimed:
                 return _native(data, header.kind)
-            held = len(data)
-    reason = "was it cut short, or is it being written?" if held < claimed else "do they belong together?"
-    raise ValueError(f"{path.name} has {max(0, held)} bytes of values, its header claims {claimed}: {reason}")
+            length = len(data)
+    reason = "was it cut short, or is it being written?" if length < claimed else "do they belong together?"
+    raise ValueError(f"{path.name} has {max(0, length)} bytes of values, its header claims {claimed}: {reason}")
 
 
 def _unpacked(file: IO[bytes], encoding: str, claimed: int) -> bytes:
@@ -187,8 +187,8 @@ def _upright(values: NDArray[Any], header: _Header) -> tuple[NDArray[Any], NDArr
 
 
 def _nrrd(path: Path, head: bytes) -> _Header:
-    found = re.search(rb"\r?\n\r?\n", head)
-    end = found.end() if found else len(head)
+    match = re.search(rb"\r?\n\r?\n", head)
+    end = match.end() if match else len(head)
     lines = head[:end].decode("latin-1").splitlines()
     if not lines or not lines[0].startswith("NRRD"):
         raise ValueError("it does not begin as a NRRD file does")
@@ -244,10 +244,10 @@ def _spacings(said: Mapping[str, str], count: int, own: slice) -> list[float]:
 
 
 def _directions(vectors: Sequence[str]) -> NDArray[np.float64]:
-    found = [_floats(vector) for vector in vectors]
-    if len(found) != 3 or any(len(vector) != 3 for vector in found):
+    directions = [_floats(vector) for vector in vectors]
+    if len(directions) != 3 or any(len(vector) != 3 for vector in directions):
         raise ValueError(f"its space directions must be three vectors of three numbers, got {list(vectors)}")
-    return np.array(found)
+    return np.array(directions)
 
 
 def _floats(text: str) -> list[float]:

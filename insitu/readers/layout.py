@@ -109,7 +109,7 @@ class EnsembleLayout:
 
 def find_layout(arrays: Arrays, mapped: FileMapping) -> EnsembleLayout:
     """The layout of a file; raises ValueError asking, in one sentence, for what is missing, with a list of what is there."""
-    wanted = [held for name in mapped.fields if (held := wanted_array(arrays, name)) is not None]
+    wanted = [match for name in mapped.fields if (match := wanted_array(arrays, name)) is not None]
     if not mapped.fields and FIELD in arrays.arrays:
         wanted = [arrays.arrays[FIELD]]
     for array in wanted:
@@ -122,24 +122,24 @@ def find_layout(arrays: Arrays, mapped: FileMapping) -> EnsembleLayout:
         raise asking(arrays, [f"--array, which of {joined_names([a.name for a in stacked])} holds the field"])
     if stacked and not mapped.fields:
         return _stacked(arrays, mapped, stacked)
-    found = _separate(arrays, mapped)
-    if found is None:
+    layout = _separate(arrays, mapped)
+    if layout is None:
         if wanted and len(wanted) == max(1, len(mapped.fields)):
             raise ValueError(
                 f"dataset {wanted[0].name!r} must have the axes (member, z, y, x), got shape {wanted[0].shape}; the file "
                 f"holds {arrays}"
             )
         lacking = [name for name in mapped.fields if wanted_array(arrays, name) is None]
-        asked = joined_names(lacking) if lacking else "(member, z, y, x), nor one (z, y, x) for each member"
-        raise ValueError(f"there is no field {asked}; the file holds {arrays}")
-    return found
+        wish = joined_names(lacking) if lacking else "(member, z, y, x), nor one (z, y, x) for each member"
+        raise ValueError(f"there is no field {wish}; the file holds {arrays}")
+    return layout
 
 
 def stacked_fields(arrays: Arrays) -> list[StoredArray]:
     """The arrays of numbers with more axes than a field has, but those that describe others."""
     aside = auxiliaries(arrays)
-    held = [a for a in arrays.arrays.values() if a.name not in aside]
-    return [a for a in held if a.is_real and len(a.shape) >= 4 and min(a.shape[-3:]) >= 2]
+    candidates = [a for a in arrays.arrays.values() if a.name not in aside]
+    return [a for a in candidates if a.is_real and len(a.shape) >= 4 and min(a.shape[-3:]) >= 2]
 
 
 # ---- one array for all members ---------------------------------------------------------------------------------------
@@ -179,28 +179,28 @@ def _columns(
 ) -> tuple[StoredArray | None, list[StoredArray]]:
     """The one array that holds all parameters of `count` members, or the arrays of one each."""
     if mapped.parameters:
-        found = [wanted_array(arrays, name) for name in mapped.parameters]
-        lacking = [n for n, a in zip(mapped.parameters, found, strict=True) if a is None or a.shape[:1] != (count,)]
+        columns = [wanted_array(arrays, name) for name in mapped.parameters]
+        lacking = [n for n, a in zip(mapped.parameters, columns, strict=True) if a is None or a.shape[:1] != (count,)]
         if lacking:
             raise ValueError(
                 f"--parameters {joined_names(lacking)} are not arrays of {count} members; the file holds {arrays}"
             )
-        asked = [a for a in found if a is not None]
-        is_table = len(asked) == 1 and (len(asked[0].shape) == 2 or asked[0].dtype.names)
-        return (asked[0], []) if is_table else (None, asked)
+        present = [a for a in columns if a is not None]
+        is_table = len(present) == 1 and (len(present[0].shape) == 2 or present[0].dtype.names)
+        return (present[0], []) if is_table else (None, present)
     aside = auxiliaries(arrays, but="coordinates")
-    held = [a for a in arrays.arrays.values() if a.name not in aside and a.name != field.name]
-    known = [a for a in held if a.stem in TABLES and (len(a.shape) == 2 or a.dtype.names)]
-    if len(known) == 1 and known[0].shape[0] != count:
+    candidates = [a for a in arrays.arrays.values() if a.name not in aside and a.name != field.name]
+    usual = [a for a in candidates if a.stem in TABLES and (len(a.shape) == 2 or a.dtype.names)]
+    if len(usual) == 1 and usual[0].shape[0] != count:
         raise ValueError(
-            f"{field.name!r} has {count} members and {known[0].name!r} {known[0].shape[0]}: they must agree"
+            f"{field.name!r} has {count} members and {usual[0].name!r} {usual[0].shape[0]}: they must agree"
         )
-    single = [a for a in held if _is_single(a, count) and _along_members(a, field)]
+    single = [a for a in candidates if _is_single(a, count) and _along_members(a, field)]
     times = [a for a in single if is_time(a)]
     times = [a for a in times if a.dims == (a.stem,)] or times
-    if times and not known and field.dims[0]:  # what else goes with time is an outcome
+    if times and not usual and field.dims[0]:  # what else goes with time is an outcome
         return None, times[:1]
-    tables = [a for a in held if _is_table(a, count) and len({*field.dims[:1], *a.dims[:1]} - {""}) < 2]
+    tables = [a for a in candidates if _is_table(a, count) and len({*field.dims[:1], *a.dims[:1]} - {""}) < 2]
     tables = [a for a in tables if a.stem in TABLES] or tables
     if len(tables) == 1:
         return tables[0], []
@@ -239,11 +239,11 @@ def _along_members(array: StoredArray, field: StoredArray) -> bool:
 
 def _lead_coordinates(arrays: Arrays, mapped: FileMapping, field: StoredArray) -> list[list[StoredArray]]:
     """The parameters along each of the first axes: its coordinate, or the arrays that say more of a member than its number."""
-    found = []
+    coordinates = []
     for number, (dim, size) in enumerate(zip(field.dims, field.shape[:-3], strict=False)):
         named = [a for a in arrays.arrays.values() if dim and a.dims == (dim,) and _is_single(a, size)]
         if named and not mapped.parameters and dim.lower() in NUMBERING:
-            found.append(named)
+            coordinates.append(named)
             continue
         along = (
             wanted_array(arrays, mapped.parameters[number])
@@ -254,8 +254,8 @@ def _lead_coordinates(arrays: Arrays, mapped: FileMapping, field: StoredArray) -
             raise asking(
                 arrays, [f"--parameters, the values along each of the first {len(field.shape) - 3} axes of {field!r}"]
             )
-        found.append([along])
-    return found
+        coordinates.append([along])
+    return coordinates
 
 
 def _renamed(mapped: FileMapping, arrays: Sequence[StoredArray]) -> tuple[tuple[str, ...]]:
@@ -277,7 +277,7 @@ def _own_units(mapped: FileMapping, arrays: Sequence[StoredArray]) -> tuple[str,
 def _separate(arrays: Arrays, mapped: FileMapping) -> EnsembleLayout | None:
     """The layout where members lie apart; None where no array could be one's field."""
     groups = _volumes_by_group(arrays)
-    volumes = [array for held in groups.values() for array in held]
+    volumes = [array for arrays_of_group in groups.values() for array in arrays_of_group]
     if len(groups) > 1:
         common = common_fields(arrays)
         fields = tuple(mapped.fields) or tuple(common)
@@ -318,19 +318,19 @@ def _volumes_by_group(arrays: Arrays) -> dict[str, list[StoredArray]]:
 def common_fields(arrays: Arrays) -> dict[str, list[StoredArray]]:
     """By name in their groups the fields that all of several groups have, one of each; none where the fields lie in one group."""
     groups = _volumes_by_group(arrays)
-    stems = [{array.stem: array for array in held} for held in groups.values()]
-    names = [name for name in stems[0] if all(name in held for held in stems)] if len(stems) > 1 else []
-    return {name: [held[name] for held in stems] for name in names}
+    stems = [{array.stem: array for array in by_stem} for by_stem in groups.values()]
+    names = [name for name in stems[0] if all(name in by_stem for by_stem in stems)] if len(stems) > 1 else []
+    return {name: [by_stem[name] for by_stem in stems] for name in names}
 
 
-def _only(held: Sequence[StoredArray], stem: str) -> StoredArray:
-    return next(a for a in held if a.stem == stem)
+def _only(candidates: Sequence[StoredArray], stem: str) -> StoredArray:
+    return next(a for a in candidates if a.stem == stem)
 
 
 def _single_values(arrays: Arrays, group: str) -> dict[str, Any]:
     """The single numbers that a group holds as arrays."""
-    held = [a for a in arrays.arrays.values() if a.group == group and np.prod(a.shape) == 1 and a.dtype.kind in "fiu"]
-    return {a.stem: a.read().ravel()[0] for a in held}
+    single = [a for a in arrays.arrays.values() if a.group == group and np.prod(a.shape) == 1 and a.dtype.kind in "fiu"]
+    return {a.stem: a.read().ravel()[0] for a in single}
 
 
 def _parameters_of(
@@ -369,8 +369,8 @@ def _parameters_of(
 
 
 def _is_number(value: Any) -> bool:
-    held = np.asarray(value)
-    return held.size == 1 and held.dtype.kind in "fiu"
+    array = np.asarray(value)
+    return array.size == 1 and array.dtype.kind in "fiu"
 
 
 def _natural(name: str) -> list[Any]:

@@ -62,12 +62,12 @@ class _Cursor:
         size = (count + 7) // 8 if kind == "bit" else count * SIZES.get(kind, 0)
         if not size and count and kind != "bit":
             raise _UnknownPart
-        held = min(size, len(self.data) - self.at) if self.is_binary else self._words(count)
+        available = min(size, len(self.data) - self.at) if self.is_binary else self._words(count)
         if self.is_binary:
-            self.at += held
-        if held < (size if self.is_binary else count):
+            self.at += available
+        if available < (size if self.is_binary else count):
             claimed = f"{size} bytes" if self.is_binary else f"{count} values"
-            raise ValueError(f"{what} claims {claimed}, and the file ends after {held}: was it cut short?")
+            raise ValueError(f"{what} claims {claimed}, and the file ends after {available}: was it cut short?")
 
     def _words(self, count: int) -> int:
         """Go behind as many words; the number that there are."""

@@ -42,8 +42,8 @@ def decoded(
     if values.dtype.kind not in "fiu":
         return values
     values = values.astype(values.dtype.newbyteorder("="), copy=False)
-    stored, values = values.dtype, _signed(values, attrs)
-    missing = _missing(values, stored, attrs, name, default_fill)
+    dtype, values = values.dtype, _signed(values, attrs)
+    missing = _missing(values, dtype, attrs, name, default_fill)
     scale, offset = (_number(attrs.get(key)) for key in ("scale_factor", "add_offset"))
     if scale is not None or offset is not None:
         values = values.astype(_float_type(values.dtype, scale, offset))
@@ -53,8 +53,8 @@ def decoded(
             values += offset
     if missing is None:
         return values
-    kept = values.dtype.kind == "f"
-    values = np.array(values, dtype=values.dtype if kept else _float_type(values.dtype, None, None))
+    is_float = values.dtype.kind == "f"
+    values = np.array(values, dtype=values.dtype if is_float else _float_type(values.dtype, None, None))
     values[missing] = np.nan
     return values
 
@@ -68,58 +68,58 @@ def _signed(values: NDArray[Any], attrs: Mapping[str, Any]) -> NDArray[Any]:
 
 
 def _missing(
-    values: NDArray[Any], stored: np.dtype[Any], attrs: Mapping[str, Any], name: str, default_fill: bool
+    values: NDArray[Any], dtype: np.dtype[Any], attrs: Mapping[str, Any], name: str, default_fill: bool
 ) -> NDArray[np.bool_] | None:
     """True where a value is missing; None where none is."""
-    marks = [_stated(attrs, key, stored, values.dtype, name) for key in ("_FillValue", "missing_value")]
-    usual = DEFAULT_FILLS.get(values.dtype.str[1:]) if values.dtype == stored else None
+    marks = [_stated(attrs, key, dtype, values.dtype, name) for key in ("_FillValue", "missing_value")]
+    usual = DEFAULT_FILLS.get(values.dtype.str[1:]) if values.dtype == dtype else None
     if default_fill and "_FillValue" not in attrs and usual is not None:
-        marks.append(np.array([usual], stored))
-    found = [np.isnan(values) if mark != mark else values == mark for held in marks for mark in held]
-    low, high = (_stated(attrs, key, stored, values.dtype, name)[:1] for key in ("valid_min", "valid_max"))
-    both = _stated(attrs, "valid_range", stored, values.dtype, name)
+        marks.append(np.array([usual], dtype))
+    matches = [np.isnan(values) if mark != mark else values == mark for group in marks for mark in group]
+    low, high = (_stated(attrs, key, dtype, values.dtype, name)[:1] for key in ("valid_min", "valid_max"))
+    both = _stated(attrs, "valid_range", dtype, values.dtype, name)
     if both.size == 2:
         low, high = both[:1], both[1:]
-    found += [values < bound for bound in low] + [values > bound for bound in high]
+    matches += [values < bound for bound in low] + [values > bound for bound in high]
     missing = None
-    for marked in found:
+    for marked in matches:
         missing = marked if missing is None else missing | marked
     return missing if missing is not None and missing.any() else None
 
 
-def _stated(attrs: Mapping[str, Any], key: str, stored: np.dtype[Any], seen: np.dtype[Any], name: str) -> NDArray[Any]:
+def _stated(attrs: Mapping[str, Any], key: str, dtype: np.dtype[Any], final: np.dtype[Any], name: str) -> NDArray[Any]:
     """The numbers of an attribute in the type of the array, none where it has none or that cannot hold them."""
     if attrs.get(key) is None:
-        return np.empty(0, seen)
-    given = np.ravel(attrs[key])
+        return np.empty(0, final)
+    mark = np.ravel(attrs[key])
     try:
         with np.errstate(all="ignore"):
-            held = given.astype(stored)
-            is_same = bool(((held == given) | ((held != held) & (given != given))).all())
+            converted = mark.astype(dtype)
+            is_same = bool(((converted == mark) | ((converted != converted) & (mark != mark))).all())
     except (TypeError, ValueError):
         is_same = False
     if is_same:
-        return held.view(seen)
-    if seen != stored and given.dtype == seen:  # the unsigned value itself
-        return given
+        return converted.view(final)
+    if final != dtype and mark.dtype == final:  # the unsigned value itself
+        return mark
     warnings.warn(
-        f"{name}: {key} {attrs[key]} does not fit {stored}: it marks nothing as missing, as in the netCDF library",
+        f"{name}: {key} {attrs[key]} does not fit {dtype}: it marks nothing as missing, as in the netCDF library",
         stacklevel=2,
     )
-    return np.empty(0, seen)
+    return np.empty(0, final)
 
 
-def _number(given: Any) -> Any:
+def _number(value: Any) -> Any:
     """The one number of an attribute; None where it has none."""
-    held = np.ravel(given)
-    return held[0] if held.size == 1 and held.dtype.kind in "fiu" else None
+    array = np.ravel(value)
+    return array[0] if array.size == 1 and array.dtype.kind in "fiu" else None
 
 
 def _float_type(kind: np.dtype[Any], scale: Any, offset: Any) -> np.dtype[Any]:
     """The type of unpacked values, that of `xarray.conventions.decode_cf_variable`."""
     single, double = np.dtype(np.float32), np.dtype(np.float64)
-    given = {np.asarray(number).dtype for number in (scale, offset) if number is not None}
-    if not given:
+    types = {np.asarray(number).dtype for number in (scale, offset) if number is not None}
+    if not types:
         return single if kind.itemsize <= (4 if kind.kind == "f" else 2) else double
     is_wide = kind.kind != "f" and kind.itemsize == 4 and offset is not None
-    return double if given != {single} or scale is None or is_wide else single
+    return double if types != {single} or scale is None or is_wide else single

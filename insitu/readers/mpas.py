@@ -61,13 +61,13 @@ def recognizes(path: Path) -> bool:
 def records(path: Path, sampling: Sampling) -> list[StoredState]:
     """The times in a file: `time`, days since the simulation's start where the file says it, else since the year 1."""
     with _opened(path) as arrays:
-        held, start = arrays.arrays.get("xtime"), arrays.arrays.get("simulationStartTime")
-        if held is None or held.dims[0] != TIME:
+        times, start = arrays.arrays.get("xtime"), arrays.arrays.get("simulationStartTime")
+        if times is None or times.dims[0] != TIME:
             count = max((a.shape[0] for a in arrays.arrays.values() if _is_field(a) and a.dims[0] == TIME), default=1)
             return [StoredState((i,), {}) for i in range(count)]
         begin = SINCE if start is None else _words(start)[0]
         calendar = as_text(arrays.attrs[""].get("config_calendar_type", "noleap")).strip().removeprefix("gregorian_")
-        return [StoredState((i,), {"time": _days(word, begin, calendar)}) for i, word in enumerate(_words(held))]
+        return [StoredState((i,), {"time": _days(word, begin, calendar)}) for i, word in enumerate(_words(times))]
 
 
 def read(path: Path, array: str | None, index: tuple[int, ...], sampling: Sampling) -> Field:
@@ -81,10 +81,10 @@ def read(path: Path, array: str | None, index: tuple[int, ...], sampling: Sampli
         if states and states[0] >= field.shape[0]:
             raise ValueError(f"it has {field.shape[0]} times, not {states[0] + 1}")
         cells, layers = field.shape[-2:]
-        with _mesh_file(arrays, sampling.mesh) as held:
-            mesh, scale = _mesh(held, cells)
-            active = _active(held, cells, layers)
-            is_upwards = _is_upwards(arrays) or _is_upwards(held)
+        with _mesh_file(arrays, sampling.mesh) as mesh_arrays:
+            mesh, scale = _mesh(mesh_arrays, cells)
+            active = _active(mesh_arrays, cells, layers)
+            is_upwards = _is_upwards(arrays) or _is_upwards(mesh_arrays)
         plane = _plane(mesh, scale, sampling, layers)
         size = plane.shape[0] * plane.shape[1] * layers * field.dtype.itemsize
         check_room(
@@ -105,12 +105,12 @@ def _gridded(
     values: NDArray[Any], located: PointLocations, plane: HorizontalGrid, sampling: Sampling, name: str, unit: str
 ) -> Field:
     layers = values.shape[1]
-    found = np.empty((layers, *plane.shape), dtype=values.dtype)  # [layer, ny, nx], from the bottom up
+    gridded = np.empty((layers, *plane.shape), dtype=values.dtype)  # [layer, ny, nx], from the bottom up
     for layer in range(layers):
         column = np.ascontiguousarray(values[:, layer])
-        found[layer] = located.sampled(column, sampling.interpolation == "linear").reshape(plane.shape)
+        gridded[layer] = located.sampled(column, sampling.interpolation == "linear").reshape(plane.shape)
     across = min(n * step for n, step in zip(plane.shape[::-1], plane.spacing, strict=True))
-    return Field(found, (*plane.spacing, HEIGHT * across / layers), (*plane.origin, 0.0), name, unit)
+    return Field(gridded, (*plane.spacing, HEIGHT * across / layers), (*plane.origin, 0.0), name, unit)
 
 
 # ---- the file --------------------------------------------------------------------------------------------------------
@@ -133,8 +133,8 @@ def _mesh_file(arrays: Arrays, path: Path | None) -> Iterator[Arrays]:
     if not path.is_file():
         raise ValueError(f"there is no file of the mesh, {path}")
     try:
-        with _opened(path) as held:
-            yield held
+        with _opened(path) as mesh_arrays:
+            yield mesh_arrays
     except ValueError as error:
         raise ValueError(f"mesh {path}: {error}") from None
 
@@ -151,12 +151,12 @@ def _is_field(array: StoredArray) -> bool:
 
 def _words(array: StoredArray) -> list[str]:
     """The words of an array of characters, one a row, or of words."""
-    held = np.atleast_1d(array.read())
-    if held.dtype == "S1":
-        held = np.array([b"".join(row.tolist()) for row in np.atleast_2d(held)])
-    if held.ndim != 1 or not held.size or held.dtype.kind not in "SUO":
+    values = np.atleast_1d(array.read())
+    if values.dtype == "S1":
+        values = np.array([b"".join(row.tolist()) for row in np.atleast_2d(values)])
+    if values.ndim != 1 or not values.size or values.dtype.kind not in "SUO":
         raise ValueError(f"{array!r} must hold a word for each time")
-    return [as_text(word).strip("\0 ") for word in held]
+    return [as_text(word).strip("\0 ") for word in values]
 
 
 def _days(word: str, begin: str, calendar: str) -> float:
@@ -167,10 +167,10 @@ def _days(word: str, begin: str, calendar: str) -> float:
         raise ModuleNotFoundError(NETCDF4) from None
     moments = []
     for text in (word, begin):
-        found = MOMENT.fullmatch(text)
-        if found is None:
+        match = MOMENT.fullmatch(text)
+        if match is None:
             raise ValueError(f"xtime must be as 0001-01-01_00:00:00, got {text[:40]!r}")
-        year, month, day, *clock = (int(part or 0) for part in found.groups())
+        year, month, day, *clock = (int(part or 0) for part in match.groups())
         try:
             moments.append(cftime.datetime(year, month, day, *clock, calendar=calendar, has_year_zero=True))
         except ValueError as error:
@@ -198,7 +198,7 @@ def _mesh(arrays: Arrays, cells: int) -> tuple[VoronoiMesh, float]:
         raise ValueError(f"the mesh has {a.shape} cells, the field {cells}")
     if around.ndim != 2 or meeting.shape != (len(c), 3) or a.shape != b.shape or c.shape != d.shape:
         raise ValueError("its arrays of cells and vertices do not fit each other")
-    if not all(np.isfinite(held).all() for held in (a, b, c, d)):
+    if not all(np.isfinite(numbers).all() for numbers in (a, b, c, d)):
         raise ValueError("places of its cells and vertices must be finite")
     places = np.arange(around.shape[1]) < edges[:, None]  # [C, E]; what follows the last vertex does not count
     if edges.min() < 3 or edges.max() > around.shape[1] or around[places].min() < 0 or around[places].max() >= len(c):
@@ -215,12 +215,12 @@ def _mesh(arrays: Arrays, cells: int) -> tuple[VoronoiMesh, float]:
 def _active(arrays: Arrays, cells: int, layers: int) -> NDArray[np.bool_]:
     """Which layers [cells, layers] hold water; all where the mesh does not say."""
     number = np.arange(layers)
-    found = np.ones((cells, layers), dtype=bool)
+    active = np.ones((cells, layers), dtype=bool)
     for name, holds in (("maxLevelCell", np.less), ("minLevelCell", np.greater_equal)):
-        held = arrays.arrays.get(name)
-        if held is not None and held.shape == (cells,) and held.dtype.kind in "iu":
-            found &= holds(number, held.read().astype(np.int64)[:, None] - (name == "minLevelCell"))
-    return found
+        limits = arrays.arrays.get(name)
+        if limits is not None and limits.shape == (cells,) and limits.dtype.kind in "iu":
+            active &= holds(number, limits.read().astype(np.int64)[:, None] - (name == "minLevelCell"))
+    return active
 
 
 def _plane(mesh: VoronoiMesh, scale: float, sampling: Sampling, layers: int) -> HorizontalGrid:

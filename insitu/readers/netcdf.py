@@ -73,9 +73,9 @@ class _Words:
 
     def listed(self, tag: int, least: int) -> int:
         """The number of elements of at least `least` bytes in a list, 0 for an absent one."""
-        found, count = self.word(), self.count()
-        if (found, count) != (0, 0) and found != tag:
-            raise ValueError(f"its header has {found:#x} at byte {self._file.tell()} where a list of {tag:#x} belongs")
+        actual, count = self.word(), self.count()
+        if (actual, count) != (0, 0) and actual != tag:
+            raise ValueError(f"its header has {actual:#x} at byte {self._file.tell()} where a list of {tag:#x} belongs")
         if count * least > self._size - self._file.tell():
             raise ValueError(
                 f"its header claims a list of {count} elements at byte {self._file.tell()}, more than it holds"
@@ -86,12 +86,12 @@ class _Words:
         return self.take(count + -count % 4)[:count]
 
     def name(self) -> str:
-        held = self.padded(self.count())
-        if not held or b"\0" in held:
+        data = self.padded(self.count())
+        if not data or b"\0" in data:
             raise ValueError(
                 f"its header has a name that is empty, or has a zero in it, before byte {self._file.tell()}"
             )
-        return held.decode("utf-8", errors="replace")
+        return data.decode("utf-8", errors="replace")
 
 
 def _header(words: _Words, size: int) -> ClassicHeader:
@@ -121,13 +121,13 @@ def _header(words: _Words, size: int) -> ClassicHeader:
         has_records = bool(numbers) and not lengths[numbers[0]][1]
         if any(not lengths[number][1] for number in numbers[1:]):
             raise ValueError(f"its variable {name[:40]!r} has the unlimited dimension in another place than the first")
-        taken = SIZES[kind] * math.prod(lengths[number][1] for number in numbers[int(has_records) :])
-        steps += [taken] if has_records else []
-        ends.append((name, begins, taken, has_records))
+        extent = SIZES[kind] * math.prod(lengths[number][1] for number in numbers[int(has_records) :])
+        steps += [extent] if has_records else []
+        ends.append((name, begins, extent, has_records))
         variables[name] = tuple(lengths[number][0] for number in numbers)
-    step = steps[0] if len(steps) == 1 else sum(taken + -taken % 4 for taken in steps)
-    for name, begins, taken, has_records in ends:
-        end = begins + taken if not has_records else begins + (records - 1) * step + taken if records else 0
+    step = steps[0] if len(steps) == 1 else sum(extent + -extent % 4 for extent in steps)
+    for name, begins, extent, has_records in ends:
+        end = begins + extent if not has_records else begins + (records - 1) * step + extent if records else 0
         if end > size:
             raise ValueError(
                 f"its variable {name[:40]!r} ends at byte {end}, the file has {size}: is it being written?"

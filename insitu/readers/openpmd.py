@@ -38,11 +38,11 @@ class MeshComponent:
     """One array of a record: a data set, or the group that stands for a constant one; `record` has the mesh's attributes."""
 
     record: h5py.Group | h5py.Dataset
-    held: h5py.Group | h5py.Dataset
+    node: h5py.Group | h5py.Dataset
 
     @property
     def shape(self) -> tuple[int, ...]:
-        return self.held.shape if isinstance(self.held, h5py.Dataset) else _whole_numbers(self.held.attrs["shape"])
+        return self.node.shape if isinstance(self.node, h5py.Dataset) else _whole_numbers(self.node.attrs["shape"])
 
 
 def recognizes(path: Path) -> bool:
@@ -58,25 +58,25 @@ def recognizes(path: Path) -> bool:
 
 def records(path: Path, sampling: Sampling) -> list[StoredState]:
     """Every iteration, with its time in seconds and its number; raises ValueError where the file has none."""
-    with _iterations(path) as held:
-        return [StoredState((n,), {**_time(group), "iteration": float(n)}) for n, group in held.items()]
+    with _iterations(path) as iterations:
+        return [StoredState((n,), {**_time(group), "iteration": float(n)}) for n, group in iterations.items()]
 
 
 def read(path: Path, array: str | None, index: tuple[int, ...], sampling: Sampling) -> Field:
     """A component of a mesh at an iteration, `index`, which may be left out where the file has only one."""
-    with _iterations(path) as held:
-        if not index and len(held) > 1:
+    with _iterations(path) as groups:
+        if not index and len(groups) > 1:
             raise ValueError(
-                f"it has {len(held)} iterations, {shortened(list(map(str, held)), 8)}: make an ensemble of them, or name "
+                f"it has {len(groups)} iterations, {shortened(list(map(str, groups)), 8)}: make an ensemble of them, or name "
                 "one as index"
             )
-        number = index[0] if index else next(iter(held))
-        if number not in held:
-            raise ValueError(f"there is no iteration {number}, it has {shortened(list(map(str, held)), 8)}")
-        components = _components(held[number], _text(held[number].file, "meshesPath", ""))
+        number = index[0] if index else next(iter(groups))
+        if number not in groups:
+            raise ValueError(f"there is no iteration {number}, it has {shortened(list(map(str, groups)), 8)}")
+        components = _components(groups[number], _text(groups[number].file, "meshesPath", ""))
         name = _chosen(array, components)
         try:
-            return _field(components[name], name, _time(held[number]).get("time"))
+            return _field(components[name], name, _time(groups[number]).get("time"))
         except (ValueError, OSError, RuntimeError, KeyError) as error:
             raise ValueError(f"{name}: {error}") from None
 
@@ -93,31 +93,31 @@ def _iterations(path: Path) -> Iterator[dict[int, h5py.Group]]:
         if below.strip("/") or above.strip("/") == base.strip("/"):
             raise ValueError(f"its basePath must end with %T, the number of an iteration, got {base[:60]!r}")
         parent = _inside(file, above)
-        found = {int(name): _child(parent, name) for name in parent or () if NUMBER.fullmatch(name)}
-        held = {number: group for number, group in sorted(found.items()) if isinstance(group, h5py.Group)}
-        if not held:
+        children = {int(name): _child(parent, name) for name in parent or () if NUMBER.fullmatch(name)}
+        groups = {number: group for number, group in sorted(children.items()) if isinstance(group, h5py.Group)}
+        if not groups:
             raise ValueError(f"it has no iteration, such as {base.replace('%T', '100')}")
-        yield held
+        yield groups
 
 
 def _components(iteration: h5py.Group, meshes: str) -> dict[str, MeshComponent]:
     """All components of an iteration's meshes, by name."""
-    found = {}
+    components = {}
     parent = _inside(iteration, meshes) if meshes.strip("/") else None
     for name in parent or ():
         record = _child(parent, name)
         if _is_component(record):
-            found[name] = MeshComponent(record, record)
+            components[name] = MeshComponent(record, record)
         elif isinstance(record, h5py.Group):
             inner = {f"{name}_{part}": _child(record, part) for part in record}
-            found |= {full: MeshComponent(record, held) for full, held in inner.items() if _is_component(held)}
-    return found
+            components |= {full: MeshComponent(record, node) for full, node in inner.items() if _is_component(node)}
+    return components
 
 
-def _is_component(held: Any) -> bool:
-    if isinstance(held, h5py.Dataset):
-        return held.shape is not None
-    return isinstance(held, h5py.Group) and "value" in held.attrs and "shape" in held.attrs
+def _is_component(node: Any) -> bool:
+    if isinstance(node, h5py.Dataset):
+        return node.shape is not None
+    return isinstance(node, h5py.Group) and "value" in node.attrs and "shape" in node.attrs
 
 
 def _chosen(array: str | None, components: Mapping[str, MeshComponent]) -> str:
@@ -125,16 +125,16 @@ def _chosen(array: str | None, components: Mapping[str, MeshComponent]) -> str:
     wanted = None if array is None else array.replace("/", "_")
     if wanted in components:
         return str(wanted)
-    return chosen_array(array, [name for name, held in components.items() if len(held.shape) == 3])
+    return chosen_array(array, [name for name, component in components.items() if len(component.shape) == 3])
 
 
 def _inside(group: h5py.Group, path: str) -> h5py.Group | None:
     """The group at a path below another; None where there is none."""
     for part in path.strip("/").split("/"):
-        found = _child(group, part) if part in group else None
-        if not isinstance(found, h5py.Group):
+        child = _child(group, part) if part in group else None
+        if not isinstance(child, h5py.Group):
             return None
-        group = found
+        group = child
     return group
 
 
@@ -169,7 +169,7 @@ def _place(component: MeshComponent) -> tuple[str, tuple[float, float, float], t
     if data_order not in ("C", "F"):
         raise ValueError(f"its dataOrder must be C or F, got {data_order[:40]!r}")
     steps, starts = _numbers(about, "gridSpacing"), _numbers(about, "gridGlobalOffset")
-    unit, within = _numbers(about, "gridUnitSI", 1.0), _numbers(component.held.attrs, "position", 0.0)
+    unit, within = _numbers(about, "gridUnitSI", 1.0), _numbers(component.node.attrs, "position", 0.0)
     if (steps * unit <= 0).any():
         raise ValueError(f"its gridSpacing and gridUnitSI must be positive, got {steps} and {unit}")
     at = [labels.index(letter) for letter in "xyz"]
@@ -181,22 +181,22 @@ def _place(component: MeshComponent) -> tuple[str, tuple[float, float, float], t
 
 def _values(component: MeshComponent) -> NDArray[Any]:
     """The values in SI units, in the array's own order; as they are stored where their factor is 1."""
-    held, factor = component.held, float(_numbers(component.held.attrs, "unitSI", 1.0)[0])
-    kind = held.dtype if isinstance(held, h5py.Dataset) else np.asarray(held.attrs["value"]).dtype
+    node, factor = component.node, float(_numbers(component.node.attrs, "unitSI", 1.0)[0])
+    kind = node.dtype if isinstance(node, h5py.Dataset) else np.asarray(node.attrs["value"]).dtype
     if kind.kind not in "fiu":
         raise ValueError(f"its values must be real numbers, got {kind}: choose another array")
     check_room(
         math.prod(component.shape) * max(4, kind.itemsize if factor == 1 else 8), f"its {component.shape} values"
     )
-    if isinstance(held, h5py.Group):
-        value = np.ravel(held.attrs["value"])
+    if isinstance(node, h5py.Group):
+        value = np.ravel(node.attrs["value"])
         if value.size != 1:
             raise ValueError(f"a constant component has one value, got {value}")
         values = np.full(component.shape, value[0])
-    elif held.is_virtual or held.external:
+    elif node.is_virtual or node.external:
         raise ValueError("its values lie in other files: only what lies in the file itself is read")
     else:
-        values = held[()]
+        values = node[()]
     return values if factor == 1 else values * np.float64(factor)
 
 
@@ -231,9 +231,9 @@ def _whole_numbers(value: Any) -> tuple[int, ...]:
     return tuple(values.tolist())
 
 
-def _text(held: h5py.Group | h5py.Dataset, name: str, default: str) -> str:
+def _text(node: h5py.Group | h5py.Dataset, name: str, default: str) -> str:
     """A word among attributes; writers differ in how they store one."""
-    words = np.ravel(held.attrs.get(name, default))
+    words = np.ravel(node.attrs.get(name, default))
     return as_text(words[0]) if words.size == 1 else default
 
 

@@ -35,14 +35,14 @@ def placed_field(
     if len(labelled.shape) > 3:  # axes of one value, which `placed` drops
         names = tuple(n for n, size in zip(names, array.shape, strict=True) if size != 1)
     place = place_of(arrays, array, names[-3:], location)
-    found = placed(labelled, location.dims, *place)
+    grid = placed(labelled, location.dims, *place)
     called, about = name or array.stem, attributes_about(arrays, array)
     time = float(about["time"]) if isinstance(about.get("time"), int | float | np.number) else None
-    if found.axes is None:
+    if grid.axes is None:
         steps, starts = place[0] or (1.0, 1.0, 1.0), place[1] or (0.0, 0.0, 0.0)
-        return Field(found.values, steps, starts, called, found.unit, time)
-    coords = dict(zip(AXES, found.axes, strict=True))
-    return LabelledArray(found.values, ("z", "y", "x"), coords, called, array.attrs, time, found.notes)
+        return Field(grid.values, steps, starts, called, grid.unit, time)
+    coords = dict(zip(AXES, grid.axes, strict=True))
+    return LabelledArray(grid.values, ("z", "y", "x"), coords, called, array.attrs, time, grid.notes)
 
 
 def place_of(arrays: Arrays, array: StoredArray, names: Sequence[str], location: FieldLocation) -> tuple[Any, Any]:
@@ -89,9 +89,9 @@ def _filled(
 ) -> tuple[tuple[float, ...], tuple[float, ...]]:
     """Spacing and origin, those of an axis with coordinates by these."""
     steps, starts = list(spacing), list(origin)
-    for number, (letter, held) in enumerate(along.items()):
-        if held is not None and held.shape[0] > 1:
-            values = along_axis(held.read(), held.stem, held.shape[0], letter, held.attrs)
+    for number, (letter, coordinate) in enumerate(along.items()):
+        if coordinate is not None and coordinate.shape[0] > 1:
+            values = along_axis(coordinate.read(), coordinate.stem, coordinate.shape[0], letter, coordinate.attrs)
             assert values is not None
             if letter != "z" or along["x"] is not None or along["y"] is not None:  # else it may be of another unit
                 steps[number] = abs(float(values[-1]) - float(values[0])) / (len(values) - 1)
@@ -110,7 +110,7 @@ def _triple(about: Mapping[str, Any], names: Sequence[str]) -> tuple[float, ...]
 
 
 def _steps(about: Mapping[str, Any]) -> tuple[float, ...] | None:
-    found = [np.asarray(about.get(f"d{letter}", ())) for letter in AXES]
-    if all(v.size == 1 and v.dtype.kind in "fiu" for v in found):
-        return tuple(float(v.ravel()[0]) for v in found)
+    spacings = [np.asarray(about.get(f"d{letter}", ())) for letter in AXES]
+    if all(v.size == 1 and v.dtype.kind in "fiu" for v in spacings):
+        return tuple(float(v.ravel()[0]) for v in spacings)
     return None

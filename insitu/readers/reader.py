@@ -42,12 +42,12 @@ class Sampling:
     @property
     def identity(self) -> dict[str, Any]:
         """The values that differ from the defaults, in JSON values."""
-        held = {
+        settings = {
             "resolution": self.resolution and list(self.resolution),
             "interpolation": self.interpolation if self.interpolation != "nearest" else None,
             "mesh": self.mesh and self.mesh.name,
         }
-        return {key: value for key, value in held.items() if value}
+        return {key: value for key, value in settings.items() if value}
 
 
 @dataclass(frozen=True)
@@ -131,10 +131,10 @@ class Reader:
     def states(self, path: Path, sampling: Sampling) -> list[StoredState]:
         """The states in a file, at least one; raises ValueError where the reader gives something else."""
         with self.reading(path):
-            found = list(self.records(path, sampling))
-        if not found:
+            states = list(self.records(path, sampling))
+        if not states:
             raise ValueError(f"{path}: the reader {self.name!r} finds no state in it")
-        for state in found:
+        for state in states:
             if not isinstance(state, StoredState):
                 raise ValueError(
                     f"{path}: the reader {self.name!r} finds {type(state).__name__} in place of a StoredState"
@@ -142,7 +142,7 @@ class Reader:
             for name, value in state.says.items():
                 if not isinstance(value, int | float | np.number) or not math.isfinite(value):
                     raise ValueError(f"{path}: its {name} must be a finite number, got {value!r}")
-        return found
+        return states
 
 
 def chosen_array(array: str | None, names: Sequence[str], what: str = "the file") -> str:

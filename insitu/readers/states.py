@@ -30,18 +30,18 @@ def dumps_below(folder: Path, name: str = "") -> list[Path]:
     """
     if is_folder_file(folder):
         return [folder]
-    found: dict[str, list[Path]] = {}
+    by_reader: dict[str, list[Path]] = {}
     for path in files_below(folder, deep=False):
         reader = reader_of(path)
         if reader is not None and name in ("", reader.name):
-            found.setdefault(reader.name, []).append(path)
-    if len(found) > 1:
-        found.pop(vtk_files.READER.name, None)  # files of general formats beside those of a code
-    if len(found) > 1:
-        raise ValueError(f"{folder} has dumps of several codes, {', '.join(found)}: choose one by --reader")
-    if not found:
+            by_reader.setdefault(reader.name, []).append(path)
+    if len(by_reader) > 1:
+        by_reader.pop(vtk_files.READER.name, None)  # files of general formats beside those of a code
+    if len(by_reader) > 1:
+        raise ValueError(f"{folder} has dumps of several codes, {', '.join(by_reader)}: choose one by --reader")
+    if not by_reader:
         raise no_ensemble(str(folder))
-    return next(iter(found.values()))
+    return next(iter(by_reader.values()))
 
 
 def table_of_files(paths: Sequence[Path]) -> MemberTable:
@@ -102,14 +102,14 @@ def members_of(
     `listed` gives the files with what a table or a pattern says of them: all of it (False), or what the files leave open (True).
     Other arguments are those of `with_states`.
     """
-    found = listed(True)
-    paths = [row.path for row in found.rows]
+    table = listed(True)
+    paths = [row.path for row in table.rows]
     reader = reader_for(paths, name)
     if reader is stores.READER or (reader is None and any(stores.has_states(path, arrays) for path in _some(paths))):
         reader = stores.reader_of_fields(arrays)
     if reader is None:
         return listed(False).only(wanted), ""
-    return with_states(found, reader, sampling, wanted, arrays), reader.name
+    return with_states(table, reader, sampling, wanted, arrays), reader.name
 
 
 def with_states(
@@ -129,7 +129,7 @@ def with_states(
     """
     rows: list[TableRow] = []
     stated: list[Mapping[str, float]] = []
-    seen: set[tuple[object, ...]] = set()
+    keys: set[tuple[object, ...]] = set()
     firsts: dict[Path, Path] = {}  # of every file that belongs to another's
     lacking: list[tuple[Path, StoredState]] = []
     repeated: list[str] = []
@@ -139,17 +139,17 @@ def with_states(
             if row.path not in firsts:
                 firsts |= _first_files(row.path, reader)
             first = firsts[row.path]
-            found = reader.states(first, sampling)
+            states = reader.states(first, sampling)
         except (OSError, ValueError) as error:
             unread[row.path] = row, str(error) if str(error).startswith(str(row.path)) else f"{row.path}: {error}"
             continue
-        records = _meant(found, first, row.parameters)
+        records = _meant(states, first, row.parameters)
         for record in records if COUNTERS & set(wanted) else _last(records, first, repeated):
             key = (first, record.index, *row.parameters.values())
             if record.lacks(arrays):
                 lacking.append((first, record))
-            elif key not in seen:  # files of one state, such as those of several ranks, may all be named
-                seen.add(key)
+            elif key not in keys:  # files of one state, such as those of several ranks, may all be named
+                keys.add(key)
                 rows.append(replace(row, path=first, index=record.index))
                 stated.append(record.says)
     if unread and not rows and not lacking:
@@ -161,11 +161,11 @@ def with_states(
     if lacking:
         _warn_of_lacking(lacking, len(rows), arrays)
     chosen = _chosen(rows, stated, wanted)
-    held = [
+    complete = [
         replace(row, parameters={name: {**says, **row.parameters}[name] for name in chosen})
         for row, says in zip(rows, stated, strict=True)
     ]
-    named = [replace(row, name="") if _is_shared(row, held) else row for row in held]
+    named = [replace(row, name="") if _is_shared(row, complete) else row for row in complete]
     return MemberTable(distinct(named), {**reader.units, **table.units}, tuple(unread.values()))
 
 
@@ -203,15 +203,15 @@ def _first_files(path: Path, reader: Reader) -> dict[Path, Path]:
     return dict.fromkeys([path, *parts], parts[0] if parts else path)
 
 
-def _meant(found: list[StoredState], path: Path, given: Mapping[str, float]) -> list[StoredState]:
+def _meant(states: list[StoredState], path: Path, parameters: Mapping[str, float]) -> list[StoredState]:
     """Of the states of a file those that a row means."""
-    if len(found) == 1:
-        return found
-    telling = [name for name in given if len({record.says.get(name) for record in found}) > 1]
-    meant = [record for record in found if all(_is_same(record.says.get(name), given[name]) for name in telling)]
+    if len(states) == 1:
+        return states
+    telling = [name for name in parameters if len({record.says.get(name) for record in states}) > 1]
+    meant = [record for record in states if all(_is_same(record.says.get(name), parameters[name]) for name in telling)]
     if not meant:
         raise ValueError(
-            f"{path}: none of its {len(found)} states has {dict(given)}; the first says {dict(found[0].says)}"
+            f"{path}: none of its {len(states)} states has {dict(parameters)}; the first says {dict(states[0].says)}"
         )
     return meant
 
@@ -225,18 +225,18 @@ def _last(records: Sequence[StoredState], path: Path, repeated: list[str]) -> li
     names = {name for name in names if len({record.says.get(name) for record in records}) > 1}
     if not any(TIME.fullmatch(name) or name == "redshift" for name in names):
         return list(records)
-    kept: dict[object, StoredState] = {}
+    latest: dict[object, StoredState] = {}
     for record in records:
         numbers = {name: value for name, value in record.says.items() if name in names}
         key = tuple(numbers.items())
-        if key in kept:
+        if key in latest:
             repeated.append(f"{', '.join(f'{name} {value:g}' for name, value in numbers.items())} in {path}")
-        kept[key] = record
-    return list(kept.values())
+        latest[key] = record
+    return list(latest.values())
 
 
-def _is_same(said: float | None, given: float) -> bool:
-    return said is None or math.isclose(said, given, rel_tol=SAME)
+def _is_same(said: float | None, value: float) -> bool:
+    return said is None or math.isclose(said, value, rel_tol=SAME)
 
 
 def _warn_of_lacking(lacking: Sequence[tuple[Path, StoredState]], others: int, arrays: Sequence[str]) -> None:
@@ -244,8 +244,8 @@ def _warn_of_lacking(lacking: Sequence[tuple[Path, StoredState]], others: int, a
     path, first = lacking[0]
     what, count = " and ".join(arrays) or "a field", len(lacking)
     if not others:
-        held = sorted({name for _, state in lacking for name in state.arrays or ()})
-        raise ValueError(f"{path}: no state has {what}; they have {', '.join(held) or 'no field'}")
+        names = sorted({name for _, state in lacking for name in state.arrays or ()})
+        raise ValueError(f"{path}: no state has {what}; they have {', '.join(names) or 'no field'}")
     place = f"the first is {list(first.index)} of {path}"
     warnings.warn(f"{count} of {count + others} states lack {what} and are left out: {place}", stacklevel=2)
 

@@ -66,7 +66,7 @@ class StoredEnsemble:
     origin: tuple[float, ...] | None
     field_name: str
     contents: Mapping[str, Any] = field(repr=False)
-    given: Mapping[str, Any] = field(repr=False)
+    placement: Mapping[str, Any] = field(repr=False)
     expensive: ClassVar[bool] = False
     notes: ClassVar[tuple[str, ...]] = ()
 
@@ -131,10 +131,10 @@ class StoredEnsemble:
     @property
     def identity(self) -> Mapping[str, Any]:
         first, *others = self.fields
-        held = {"datasets": [first, *others]} if others else {"dataset": first}
+        datasets = {"datasets": [first, *others]} if others else {"dataset": first}
         suffix = self.path.suffix.lower()
         kind = "hdf5" if suffix in HDF5 else "netcdf" if suffix in NETCDF else "zarr"
-        return {"kind": kind, "file": self.path.name, **held, **self.given, "contents": dict(self.contents)}
+        return {"kind": kind, "file": self.path.name, **datasets, **self.placement, "contents": dict(self.contents)}
 
     def record(self, member: PlannedMember) -> Mapping[str, Any]:
         """The record kept with a member: the same for all, since they share the file."""
@@ -170,8 +170,8 @@ def with_validation(members: Sequence[PlannedMember], count: int, seed: int) -> 
     training = [i for i, member in enumerate(members) if member.split == "train"]
     if not 0 <= count < max(1, len(training)):
         raise ValueError(f"{count} validation members cannot be drawn from {len(training)} training ones")
-    drawn = set(np.random.default_rng(seed).choice(training, count, replace=False).tolist()) if count else set()
-    return tuple(replace(m, split="validation") if i in drawn else m for i, m in enumerate(members))
+    chosen = set(np.random.default_rng(seed).choice(training, count, replace=False).tolist()) if count else set()
+    return tuple(replace(m, split="validation") if i in chosen else m for i, m in enumerate(members))
 
 
 def _described(
@@ -186,8 +186,8 @@ def _described(
     if len(set(mapped.fields)) != len(mapped.fields):
         raise ValueError(f"the fields are arrays of the file, each once, got {joined_names(mapped.fields)}")
     layout = find_layout(arrays, mapped)
-    held = [layout.array(arrays, name) for name in layout.fields]
-    shapes = {a.name: a.shape[-3:] for a in held}
+    fields = [layout.array(arrays, name) for name in layout.fields]
+    shapes = {a.name: a.shape[-3:] for a in fields}
     if len(set(shapes.values())) > 1:
         raise ValueError(
             f"the fields of an ensemble have one shape, got {shapes}: render each into a catalog of its own"
@@ -195,13 +195,13 @@ def _described(
     if not np.isfinite(layout.values).all():
         first = int(np.argwhere(~np.isfinite(layout.values))[0, 0])
         raise ValueError(f"parameters must be finite, those of member {first} are not")
-    array, names = held[0], axis_names(arrays, held[0])[-3:]
+    array, names = fields[0], axis_names(arrays, fields[0])[-3:]
     along = {name: arrays.coordinate(array, name) for name in names}
     order = axis_order(names, mapped.dims, {n: a.attrs for n, a in along.items() if a is not None})
     sizes = dict(zip(names, array.shape[-3:], strict=True))
     about = attributes_about(arrays, array)
     steps, starts = place_of(arrays, array, names, FieldLocation(spacing, origin, dims=mapped.dims))
-    space = _space(arrays, layout, held[0], bounds)
+    space = _space(arrays, layout, fields[0], bounds)
     _check_distinct(path, layout)
     return kind(
         path=path,
@@ -213,9 +213,9 @@ def _described(
         splits=splits_of(arrays, mapped.split, len(layout.places)) or ("train",) * len(layout.places),
         spacing=None if steps is None else tuple(steps),
         origin=None if starts is None else tuple(starts),
-        field_name=_field_name(about, held),
+        field_name=_field_name(about, fields),
         contents={k: v for k, v in contents(path).items() if k != "modified"},
-        given={k: list(v) for k, v in {"spacing": spacing, "origin": origin, "dims": mapped.dims}.items() if v},
+        placement={k: list(v) for k, v in {"spacing": spacing, "origin": origin, "dims": mapped.dims}.items() if v},
     )
 
 
@@ -231,13 +231,13 @@ def _check_distinct(path: Path, layout: EnsembleLayout) -> None:
     warnings.warn(f"{count} states stand twice in a file, the later one is taken: {says} in {path}", stacklevel=5)
 
 
-def _field_name(about: Mapping[str, Any], held: Sequence[StoredArray]) -> str:
-    if len(held) > 1:
-        return ", ".join(a.name for a in held)
-    return as_text(about["field"]) if isinstance(about.get("field"), str | bytes) else held[0].stem
+def _field_name(about: Mapping[str, Any], fields: Sequence[StoredArray]) -> str:
+    if len(fields) > 1:
+        return ", ".join(a.name for a in fields)
+    return as_text(about["field"]) if isinstance(about.get("field"), str | bytes) else fields[0].stem
 
 
-def _space(arrays: Arrays, layout: EnsembleLayout, field: StoredArray, given: Bounds) -> ParameterSpace:
+def _space(arrays: Arrays, layout: EnsembleLayout, field: StoredArray, bounds: Bounds) -> ParameterSpace:
     """The parameters, their bounds as given, else as attributes say, else as the members have them."""
     names, count = layout.names, layout.values.shape[1]
     if len(names) != count or len(layout.units) not in (0, count):
@@ -245,4 +245,4 @@ def _space(arrays: Arrays, layout: EnsembleLayout, field: StoredArray, given: Bo
             f"the names of {count} parameters are asked for, got {joined_names(names)} with units {joined_names(layout.units)}"
         )
     stated = bounds_about(arrays, layout.columns, field, count)
-    return bounded_space(names, layout.values, layout.units, given, stated)
+    return bounded_space(names, layout.values, layout.units, bounds, stated)

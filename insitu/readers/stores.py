@@ -31,22 +31,22 @@ def records(
     `units` of what states say are those of the first file; another file's that differ give one warning.
     """
     with open_in_time(path) as arrays:
-        held = _fields(arrays, fields)
-        apart = () if held else _apart(arrays, fields)
-        if not held and not apart:
+        fields_of_file = _fields(arrays, fields)
+        apart = () if fields_of_file else _apart(arrays, fields)
+        if not fields_of_file and not apart:
             return [StoredState()]
         try:
-            layout = find_layout(arrays, FileMapping(tuple(fields) if apart else tuple(array.name for array in held)))
-        except ValueError:
-            if held and math.prod(held[0].shape[:-3]) == 1:
-                return [StoredState((0,) * (len(held[0].shape) - 3))]
-            raise
-    known = {} if units is None else units
-    for name, unit in zip(layout.names, layout.units, strict=False):
-        if known.setdefault(name, unit) != unit and known.setdefault(f"{name} of others", unit) == unit:
-            message = (
-                f"{path}: {name} is in {unit!r}, in another file in {known[name]!r}: its numbers are taken as they are"
+            layout = find_layout(
+                arrays, FileMapping(tuple(fields) if apart else tuple(array.name for array in fields_of_file))
             )
+        except ValueError:
+            if fields_of_file and math.prod(fields_of_file[0].shape[:-3]) == 1:
+                return [StoredState((0,) * (len(fields_of_file[0].shape) - 3))]
+            raise
+    unit_by_name = {} if units is None else units
+    for name, unit in zip(layout.names, layout.units, strict=False):
+        if unit_by_name.setdefault(name, unit) != unit and unit_by_name.setdefault(f"{name} of others", unit) == unit:
+            message = f"{path}: {name} is in {unit!r}, in another file in {unit_by_name[name]!r}: its numbers are taken as they are"
             warnings.warn(message, stacklevel=2)
     return [
         StoredState((number,) if apart else place.index, dict(zip(layout.names, map(float, row), strict=True)))
@@ -60,8 +60,10 @@ def has_states(path: Path, fields: Sequence[str] = ()) -> bool:
         return False
     try:
         with open_in_time(path) as arrays:
-            held = _fields(arrays, fields)
-            return any(math.prod(array.shape[:-3]) > 1 for array in held) or bool(not held and _apart(arrays, fields))
+            fields_of_file = _fields(arrays, fields)
+            return any(math.prod(array.shape[:-3]) > 1 for array in fields_of_file) or bool(
+                not fields_of_file and _apart(arrays, fields)
+            )
     except (ValueError, OSError):
         return False
 
@@ -73,8 +75,8 @@ def reader_of_fields(fields: Sequence[str]) -> Reader:
 
 
 def _fields(arrays: Arrays, names: Sequence[str]) -> list[StoredArray]:
-    found = [wanted_array(arrays, name) for name in names] if names else stacked_fields(arrays)
-    return [array for array in found if array is not None and array.is_real and len(array.shape) > 3]
+    candidates = [wanted_array(arrays, name) for name in names] if names else stacked_fields(arrays)
+    return [array for array in candidates if array is not None and array.is_real and len(array.shape) > 3]
 
 
 def _apart(arrays: Arrays, names: Sequence[str]) -> tuple[str, ...]:
@@ -95,12 +97,12 @@ def opens(path: Path) -> Iterator[Arrays]:
         if stacked_fields(arrays):
             yield arrays
             return
-        held = dict(arrays.arrays)
+        by_name = dict(arrays.arrays)
         for same in common_fields(arrays).values():
             for array in same:
-                del held[array.name]
-            held[same[0].name] = _stacked(arrays, same)
-        yield Arrays(held, arrays.attrs)
+                del by_name[array.name]
+            by_name[same[0].name] = _stacked(arrays, same)
+        yield Arrays(by_name, arrays.attrs)
 
 
 def _stacked(arrays: Arrays, same: Sequence[StoredArray]) -> StoredArray:
@@ -121,7 +123,7 @@ def _place(arrays: Arrays, array: StoredArray) -> tuple[object, ...]:
     along = (arrays.coordinate(array, name) for name in axis_names(arrays, array))
     about = attributes_about(arrays, array)
     stated = (np.asarray(about.get(key, ())).tolist() for key in (*SPACINGS, "origin", "dx", "dy", "dz"))
-    return (array.dims, *(None if held is None else held.read().tobytes() for held in along), *map(str, stated))
+    return (array.dims, *(None if one is None else one.read().tobytes() for one in along), *map(str, stated))
 
 
 READER = Reader(

@@ -162,12 +162,12 @@ def _parsed(text: str, folder: Path, wanted: Sequence[str], more_in_files: bool)
         if len(cells) != len(names):
             more = ": separate them by semicolons" if delimiter == "," and len(cells) > len(names) else ""
             raise ValueError(f"line {line} has {len(cells)} cells, the header {len(names)}{more}")
-        held = {name: cell.strip() for name, cell in zip(names, cells, strict=True)}
-        by_lower = {name.lower(): cell for name, cell in held.items() if name not in wanted}
-        values = {name: _number(held[name], f"line {line}, column {name!r}") for name in wanted or other}
+        row = {name: cell.strip() for name, cell in zip(names, cells, strict=True)}
+        by_lower = {name.lower(): cell for name, cell in row.items() if name not in wanted}
+        values = {name: _number(row[name], f"line {line}, column {name!r}") for name in wanted or other}
         rows.append(
             TableRow(
-                folder / held[names[column]],
+                folder / row[names[column]],
                 values,
                 _split(by_lower.get("split", ""), line),
                 by_lower.get("name", ""),
@@ -206,10 +206,10 @@ def match_files(pattern: str, folder: str | os.PathLike[str] = ".", *, more_in_f
 
     `more_in_files` as in `read_table`.  Raises ValueError where the pattern names no parameter or matches nothing.
     """
-    found = matching(pattern, folder, more_in_files=more_in_files)
-    if not found:
+    rows = matching(pattern, folder, more_in_files=more_in_files)
+    if not rows:
         raise ValueError(f"no file below {Path(folder).resolve()} matches the pattern {pattern!r}")
-    return MemberTable(tuple(found) if more_in_files else distinct(found), {})
+    return MemberTable(tuple(rows) if more_in_files else distinct(rows), {})
 
 
 def pattern_names(pattern: str, *, more_in_files: bool = False) -> tuple[str, ...]:
@@ -242,7 +242,7 @@ def _split_pattern(pattern: str, folder: Path) -> tuple[Path, re.Pattern[str]]:
     parts = pattern.split("/")
     fixed = next((i for i, part in enumerate(parts[:-1]) if BRACES.search(part)), len(parts) - 1)
     base = folder / "/".join(parts[:fixed]) if parts[0] else Path("/".join(parts[:fixed]) or "/")
-    seen: set[str] = set()
+    names: set[str] = set()
 
     def group(match: re.Match[str]) -> str:
         name = match[1]
@@ -250,8 +250,8 @@ def _split_pattern(pattern: str, folder: Path) -> tuple[Path, re.Pattern[str]]:
             return ".*" if match[0] == "**" else "[^/]*"
         if not name.isidentifier():
             raise ValueError(f"the pattern {pattern!r} names a parameter {name!r}: begin it with a letter")
-        again = name in seen
-        seen.add(name)
+        again = name in names
+        names.add(name)
         return f"(?P={name})" if again else f"(?P<{name}>{NUMBER})"
 
     expression, end = "", 0
@@ -271,9 +271,9 @@ def distinct(rows: Sequence[TableRow]) -> tuple[TableRow, ...]:
         ("file", lambda row: (os.path.normpath(row.path), row.index)),
         ("name", lambda row: row.name or (row.path, row.index)),
     ):
-        seen: dict[object, TableRow] = {}
+        by_key: dict[object, TableRow] = {}
         for row in rows:
-            if (other := seen.setdefault(key(row), row)) is not row:
+            if (other := by_key.setdefault(key(row), row)) is not row:
                 same = row.name if what == "name" else named_values(row.parameters)
                 raise ValueError(f"{other.path} and {row.path} have the same {what}, {same}: members must differ")
     return tuple(rows)
@@ -283,22 +283,22 @@ def bounded_space(
     names: Sequence[str],
     values: NDArray[np.float64],
     units: Sequence[str],
-    given: Bounds,
+    bounds: Bounds,
     stated: tuple[NDArray[np.float64], NDArray[np.float64]] | None = None,
 ) -> ParameterSpace:
     """The parameters of members with `values` [M, P].
 
-    Bounds (low, high) are as `given` by name, else as a file has `stated` them (P,), else the smallest and largest value.
+    Bounds (low, high) are those of `bounds` by name, else `stated` (P,) by a file, else the smallest and largest value.
 
     Raises ValueError where others than the parameters are given, and for one that is the same in every member.
     """
-    unknown = sorted(set(given) - set(names))
+    unknown = sorted(set(bounds) - set(names))
     if unknown:
         raise ValueError(f"--bounds of {joined_names(unknown)}, but the parameters are {joined_names(names)}")
     low, high = (values.min(axis=0), values.max(axis=0)) if stated is None else stated
     parameters = []
     for number, name in enumerate(names):
-        least, most = given.get(name, (float(low[number]), float(high[number])))
+        least, most = bounds.get(name, (float(low[number]), float(high[number])))
         if least == most and stated is None:
             raise ValueError(
                 f"parameter {name!r} is {text(least)} in every member: give --bounds {name} LOW HIGH, or name the "

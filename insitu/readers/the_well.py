@@ -41,48 +41,48 @@ def recognizes(path: Path) -> bool:
 
 def records(path: Path, sampling: Sampling) -> list[StoredState]:
     """Every step of every trajectory, with the file's parameters, the trajectory's own numbers, its number, and the time."""
-    with _checked(path) as held:
-        trajectories, steps, time = _counts(held)
+    with _checked(path) as arrays:
+        trajectories, steps, time = _counts(arrays)
         check_room(1000 * trajectories * steps, f"{trajectories} trajectories of {steps} steps")
         times = np.broadcast_to(time.read().astype(np.float64), (trajectories, steps))
         if not np.isfinite(times).all():
             raise ValueError("dimensions/time must hold finite numbers")
-        common = _parameters(held.attrs[""])
-        own = {a.stem: a.read() for a in held.arrays.values() if a.group == "scalars" and _is_own(a, trajectories)}
-        found = []
+        common = _parameters(arrays.attrs[""])
+        own = {a.stem: a.read() for a in arrays.arrays.values() if a.group == "scalars" and _is_own(a, trajectories)}
+        states = []
         for t in range(trajectories):
             says = {**common, **{name: float(values[t]) for name, values in own.items()}, TRAJECTORY: float(t)}
-            found += [StoredState((t, s), {**says, "time": float(times[t, s])}) for s in range(steps)]
-        return found
+            states += [StoredState((t, s), {**says, "time": float(times[t, s])}) for s in range(steps)]
+        return states
 
 
 @contextmanager
 def opens(path: Path) -> Iterator[Arrays]:
     """The fields of a file as (trajectory, step, x, y, z), with the coordinates of their axes; values are read when asked for."""
-    with _checked(path) as held:
-        trajectories, steps, _ = _counts(held)
-        about = held.attrs["dimensions"]
+    with _checked(path) as source:
+        trajectories, steps, _ = _counts(source)
+        about = source.attrs["dimensions"]
         letters = [as_text(name) for name in np.atleast_1d(about.get("spatial_dims", ()))]
-        if len(letters) != 3 or any(f"dimensions/{letter}" not in held.arrays for letter in letters):
+        if len(letters) != 3 or any(f"dimensions/{letter}" not in source.arrays for letter in letters):
             raise ValueError(f"its fields have the axes {letters}, and so no volume, or no coordinates along them")
-        arrays = {letter: _renamed(held.arrays[f"dimensions/{letter}"], letter) for letter in letters}
+        arrays = {letter: _renamed(source.arrays[f"dimensions/{letter}"], letter) for letter in letters}
         for order, group in enumerate(ORDERS):
-            for array in (a for a in held.arrays.values() if a.group == group):
+            for array in (a for a in source.arrays.values() if a.group == group):
                 arrays |= {a.name: a for a in _components(array, letters, order, (trajectories, steps))}
         yield Arrays(arrays, {"": {}})
 
 
 @contextmanager
 def _checked(path: Path) -> Iterator[Arrays]:
-    with open_arrays(path) as held:
-        if "dimensions" not in held.attrs or "dimensions/time" not in held.arrays:
-            raise ValueError(f"it is not a file of The Well, which has dimensions/time; it holds {held}")
-        yield held
+    with open_arrays(path) as arrays:
+        if "dimensions" not in arrays.attrs or "dimensions/time" not in arrays.arrays:
+            raise ValueError(f"it is not a file of The Well, which has dimensions/time; it holds {arrays}")
+        yield arrays
 
 
-def _counts(held: Arrays) -> tuple[int, int, StoredArray]:
+def _counts(arrays: Arrays) -> tuple[int, int, StoredArray]:
     """The numbers of trajectories and steps, and the array of times."""
-    time, declared = held.arrays["dimensions/time"], np.asarray(held.attrs[""].get("n_trajectories", 1))
+    time, declared = arrays.arrays["dimensions/time"], np.asarray(arrays.attrs[""].get("n_trajectories", 1))
     if (
         declared.size != 1
         or declared.dtype.kind not in "iu"
@@ -100,10 +100,10 @@ def _counts(held: Arrays) -> tuple[int, int, StoredArray]:
 def _parameters(attrs: Mapping[str, Any]) -> dict[str, float]:
     """The numbers that the file calls its parameters."""
     names = [as_text(name) for name in np.ravel(attrs.get("simulation_parameters", ()))]
-    held = {name: np.asarray(attrs[name]) for name in names if name in attrs}
+    by_name = {name: np.asarray(attrs[name]) for name in names if name in attrs}
     return {
         name: float(v.ravel()[0])
-        for name, v in held.items()
+        for name, v in by_name.items()
         if v.size == 1 and v.dtype.kind in "fiu" and np.isfinite(v).all()
     }
 
@@ -123,12 +123,14 @@ def _components(array: StoredArray, letters: Sequence[str], order: int, states: 
         return []
     if len(shape) != 3 + order or any(n != len(letters) for n in shape[3:]):
         return []
-    dims, found = (TRAJECTORY, STEP, *letters), []
+    dims, components = (TRAJECTORY, STEP, *letters), []
     for which in itertools.product(range(len(letters)), repeat=order):
         suffix = "_" + "".join(letters[i] for i in which) if order else ""
         fetch = _fetch(array, varying, which)
-        found.append(StoredArray(array.name + suffix, (*states, *shape[:3]), array.dtype, dims, array.attrs, fetch))
-    return found
+        components.append(
+            StoredArray(array.name + suffix, (*states, *shape[:3]), array.dtype, dims, array.attrs, fetch)
+        )
+    return components
 
 
 def _fetch(array: StoredArray, varying: Sequence[bool], which: tuple[int, ...]) -> Callable[[tuple[int, ...]], Any]:

@@ -68,8 +68,8 @@ class PointLocations:
         if not linear:
             return nearest
         between = np.sum(values[self.corners] * self.weights, axis=1)
-        known = (self.corners[:, 0] >= 0) & np.isfinite(between) & np.isfinite(nearest)
-        return np.where(known, between, nearest).astype(values.dtype)
+        is_inside = (self.corners[:, 0] >= 0) & np.isfinite(between) & np.isfinite(nearest)
+        return np.where(is_inside, between, nearest).astype(values.dtype)
 
 
 def on_sphere(longitudes: NDArray[np.float64], latitudes: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -174,5 +174,5 @@ def _triangles(
     least = np.where(there, weights.min(axis=2), -np.inf)  # [N, E]
     best = least.argmax(axis=1)
     rows = np.arange(len(points))
-    found = least[rows, best] >= -ON_EDGE
-    return np.where(found[:, None], corners[rows, best], -1), np.where(found[:, None], weights[rows, best], 0.0)
+    is_inside = least[rows, best] >= -ON_EDGE
+    return np.where(is_inside[:, None], corners[rows, best], -1), np.where(is_inside[:, None], weights[rows, best], 0.0)

@@ -15,6 +15,7 @@ from typing import Any
 
 from insitu.readers.fortran_numbers import respelled
 from insitu.readers.image_files import META, NRRD, read_image
+from insitu.readers.named_files import require_named
 from insitu.readers.reader import Reader, Sampling, StoredState
 from insitu.readers.whole_files import XDMF, check_whole, parts
 from insitu.readers.xml_files import LARGEST, parsed
@@ -56,8 +57,8 @@ def files(path: Path) -> list[Path]:
 def records(path: Path, sampling: Sampling) -> list[StoredState]:
     """The times in a file; one state that says nothing where it holds one time, or none."""
     with reported():
-        found = _source(path).times
-    return [StoredState((i,), {"time": time}) for i, time in enumerate(found)] if len(found) > 1 else [StoredState()]
+        times = _source(path).times
+    return [StoredState((i,), {"time": time}) for i, time in enumerate(times)] if len(times) > 1 else [StoredState()]
 
 
 def read(path: Path, array: str | None, index: tuple[int, ...] = (), sampling: Sampling | None = None) -> Any:
@@ -72,21 +73,21 @@ def read(path: Path, array: str | None, index: tuple[int, ...] = (), sampling: S
             source = _source(path)
             if len(source.times) > 1 and not index:
                 warnings.warn(SEVERAL.format(path=path, count=len(source.times), first=source.times[0]), stacklevel=2)
-            found = source.read(number)
+            dataset = source.read(number)
     except ValueError as error:
         with _respelled(path) as other:
             if other is not None:
                 return read(other, array)
         raise _named(path, number, error) from error
-    is_composite = found.IsA("vtkCompositeDataSet")
-    held = [block for block in (blocks(found) if is_composite else [plain(found)]) if block is not None]
-    if is_composite and not held:
+    is_composite = dataset.IsA("vtkCompositeDataSet")
+    parts = [block for block in (blocks(dataset) if is_composite else [plain(dataset)]) if block is not None]
+    if is_composite and not parts:
         raise ValueError("it holds no block with cells")
     if array is not None:
-        return _only(array, held, found, path)
-    if is_composite and len(last := _once(held, path)) < len(held):
+        return _only(array, parts, dataset, path)
+    if is_composite and len(last := _once(parts, path)) < len(parts):
         return last[0] if len(last) == 1 else _joined(last)
-    return held[0] if len(held) == 1 else found
+    return parts[0] if len(parts) == 1 else dataset
 
 
 @contextmanager
@@ -116,13 +117,13 @@ def _named(path: Path, number: int, error: ValueError) -> ValueError:
     return error
 
 
-def _only(array: str, held: Sequence[Any], found: Any, path: Path) -> Any:
+def _only(array: str, parts: Sequence[Any], dataset: Any, path: Path) -> Any:
     """The data sets that have an array, without the others; raises ValueError listing them where there is no such array."""
-    if not held:
-        return found
-    wanted = chosen_array(held, array, "it has")
+    if not parts:
+        return dataset
+    wanted = chosen_array(parts, array, "it has")
     copies = []
-    for block in held:
+    for block in parts:
         copy = block.NewInstance()
         copy.ShallowCopy(block)
         for on_cells, part in ((False, copy.GetPointData()), (True, copy.GetCellData())):
@@ -134,13 +135,13 @@ def _only(array: str, held: Sequence[Any], found: Any, path: Path) -> Any:
     return copies[0] if len(copies) == 1 else _joined(copies)
 
 
-def _joined(held: Sequence[Any]) -> Any:
+def _joined(parts: Sequence[Any]) -> Any:
     from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet
 
-    made = vtkMultiBlockDataSet()
-    for number, block in enumerate(held):
-        made.SetBlock(number, block)
-    return made
+    dataset = vtkMultiBlockDataSet()
+    for number, block in enumerate(parts):
+        dataset.SetBlock(number, block)
+    return dataset
 
 
 # ---- one file ---------------------------------------------------------------------------------------------------------
@@ -188,45 +189,44 @@ class _List:
     def read(self, number: int) -> Any:
         from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet
 
-        made = vtkMultiBlockDataSet()
+        dataset = vtkMultiBlockDataSet()
         for place, part in enumerate(self.named_at(number)):
-            if not part.is_file():
-                raise ValueError(f"there is no file {part.name}, which it names")
+            require_named(part)
             if part.suffix.lower() in LISTS:
                 raise ValueError(f"it names {part.name}, which is a list of files itself")
             try:
-                made.SetBlock(place, _source(part).read(0))
+                dataset.SetBlock(place, _source(part).read(0))
             except ValueError as error:
                 raise ValueError(f"{part.name}: {error}") from None
-        return made
+        return dataset
 
     def named_at(self, number: int) -> list[Path]:
         """The files of a time."""
         return [self.path.parent / name for name in self.named[self.times[number]]]
 
 
-def _once(held: Sequence[Any], path: Path) -> list[Any]:
+def _once(parts: Sequence[Any], path: Path) -> list[Any]:
     """The last of data sets that fill the same box; one warning says of how many."""
-    last = {_alike(block): block for block in held}
-    if len(last) < len(held):
-        count = len(held) - len(last)
+    last = {_alike(block): block for block in parts}
+    if len(last) < len(parts):
+        count = len(parts) - len(last)
         message = (
-            f"{path}: {count} of {len(held)} blocks fill the same box as a later one, which is taken in their place"
+            f"{path}: {count} of {len(parts)} blocks fill the same box as a later one, which is taken in their place"
         )
         warnings.warn(message, stacklevel=3)
     return list(last.values())
 
 
-def _alike(held: Any) -> object:
+def _alike(block: Any) -> object:
     """The same for data sets of one box, as many points and cells, and the same arrays: one was written again by a restart."""
     names = (
         part.GetArrayName(i)
-        for part in (held.GetPointData(), held.GetCellData())
+        for part in (block.GetPointData(), block.GetCellData())
         for i in range(part.GetNumberOfArrays())
     )
-    count = held.GetNumberOfPoints()
-    some = tuple(held.GetPoint(number) for number in range(0, count, max(1, count // 64)))
-    return held.GetBounds(), count, held.GetNumberOfCells(), some, tuple(names)
+    count = block.GetNumberOfPoints()
+    some = tuple(block.GetPoint(number) for number in range(0, count, max(1, count // 64)))
+    return block.GetBounds(), count, block.GetNumberOfCells(), some, tuple(names)
 
 
 class _Image:
@@ -273,12 +273,12 @@ def _known_to_pyvista(path: Path) -> Any:
 
 def _of_collection(path: Path) -> dict[float, list[str]]:
     """The files of a .pvd by their times."""
-    found: dict[float, list[str]] = {}
+    by_time: dict[float, list[str]] = {}
     for element in parsed(path).iter("DataSet"):
         time, name = element.get("timestep") or "0", element.get("file")
         if name:
-            found.setdefault(_time(time), []).append(name)
-    return found
+            by_time.setdefault(_time(time), []).append(name)
+    return by_time
 
 
 def _of_series(path: Path) -> dict[float, list[str]]:
@@ -291,10 +291,10 @@ def _of_series(path: Path) -> dict[float, list[str]]:
         isinstance(row, dict) and isinstance(row.get("name"), str) for row in rows
     ):
         raise ValueError('it must hold {"files": [{"name": ..., "time": ...}, ...]}')
-    found: dict[float, list[str]] = {}
+    by_time: dict[float, list[str]] = {}
     for number, row in enumerate(rows):
-        found.setdefault(_time(row.get("time", number)), []).append(row["name"])
-    return found
+        by_time.setdefault(_time(row.get("time", number)), []).append(row["name"])
+    return by_time
 
 
 def _time(said: Any) -> float:
@@ -329,7 +329,7 @@ def reported() -> Iterator[None]:
             said.append(text or UNREADABLE)
 
     with _reading:
-        before, shown = vtkOutputWindow.GetInstance(), vtkObject.GetGlobalWarningDisplay()
+        before, display = vtkOutputWindow.GetInstance(), vtkObject.GetGlobalWarningDisplay()
         window: Any = vtkStringOutputWindow()
         for event in ("ErrorEvent", "WarningEvent"):
             window.AddObserver(event, note)
@@ -344,7 +344,7 @@ def reported() -> Iterator[None]:
         finally:
             window.RemoveAllObservers()
             vtkOutputWindow.SetInstance(before)
-            vtkObject.SetGlobalWarningDisplay(shown)
+            vtkObject.SetGlobalWarningDisplay(display)
         if said:
             raise ValueError(_sentence(said))
 
@@ -352,8 +352,8 @@ def reported() -> Iterator[None]:
 def _sentence(said: Sequence[str]) -> str:
     """The first of VTK's messages without its places in the source and in memory."""
     texts = [re.sub(r"^.*?In [^\n]*, line \d+\n", "", text, flags=re.DOTALL) for text in said]
-    found = " ".join(re.sub(r"\b(vtk\w+) \(0x[0-9a-f]+\)", r"\1", texts[0]).split())
-    return f"{SAYS}{found[:300]}" + (f" (and {len(said) - 1} more)" if len(said) > 1 else "")
+    sentence = " ".join(re.sub(r"\b(vtk\w+) \(0x[0-9a-f]+\)", r"\1", texts[0]).split())
+    return f"{SAYS}{sentence[:300]}" + (f" (and {len(said) - 1} more)" if len(said) > 1 else "")
 
 
 READER = Reader(

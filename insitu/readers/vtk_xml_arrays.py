@@ -51,7 +51,7 @@ class _Layout:
     ends: tuple[int, ...]
     is_raw: bool
 
-    def taken(self, place: int, end: int, is_raw: bool) -> tuple[int, int]:
+    def lengths(self, place: int, end: int, is_raw: bool) -> tuple[int, int]:
         """Bytes of the array at a place, unpacked, and bytes that it takes in the file until `end`, in base64 or raw."""
         width = self.size.itemsize
         counts = self._sizes(place, end, 3 if self.is_compressed else 1, is_raw)
@@ -63,37 +63,37 @@ class _Layout:
         if blocks * width > end - place:
             raise ValueError(f"claims {blocks} blocks, more than the file has bytes for")
         header = (3 + blocks) * width
-        stored = sum(self._sizes(place, end, 3 + blocks, is_raw)[3:])
+        packed = sum(self._sizes(place, end, 3 + blocks, is_raw)[3:])
         check_room(full, "a block of it")
-        length = header + stored if is_raw else _text_bytes(header) + _text_bytes(stored)
+        length = header + packed if is_raw else _text_bytes(header) + _text_bytes(packed)
         return full * (blocks - bool(last)) + last, length
 
     def fills(self, place: int, end: int, is_raw: bool, claim: int | None = None) -> bool:
         """True if the array at a place ends where the next one begins, but for blanks; with `claim` bytes, unpacked."""
         try:
-            claimed, taken = self.taken(place, end, is_raw)
+            claimed, length = self.lengths(place, end, is_raw)
         except ValueError:
             return False
         if is_raw:
-            rest = end - place - taken
+            rest = end - place - length
             return claim in (None, claimed) and 0 <= rest <= FEW and not self.data[end - rest : end].strip(BLANK)
         text = end - place
-        if taken != text:
+        if length != text:
             text = len(self.data[place:end].translate(None, BLANK))
-        return claim in (None, claimed) and taken == text
+        return claim in (None, claimed) and length == text
 
     def _sizes(self, place: int, end: int, count: int, is_raw: bool) -> list[int]:
         """The first sizes in front of an array."""
         wanted = count * self.size.itemsize
-        found = self.data[place : min(end, place + (wanted if is_raw else 2 * _text_bytes(wanted)))]
+        header = self.data[place : min(end, place + (wanted if is_raw else 2 * _text_bytes(wanted)))]
         if not is_raw:
             try:  # of lines, maybe
-                found = base64.b64decode(found.translate(None, BLANK)[: _text_bytes(wanted)], validate=True)
+                header = base64.b64decode(header.translate(None, BLANK)[: _text_bytes(wanted)], validate=True)
             except binascii.Error as error:
                 raise ValueError(f"is not base64: {error}") from None
-        if len(found) < wanted:
+        if len(header) < wanted:
             raise ValueError("begins where the file ends")
-        return [int(size) for size in np.frombuffer(found[:wanted], self.size)]
+        return [int(size) for size in np.frombuffer(header[:wanted], self.size)]
 
 
 def check_arrays(path: Path) -> None:
@@ -128,16 +128,16 @@ def _tags(data: mmap.mmap) -> Iterator[tuple[bool, str, Attributes, int]]:
     """Of each tag to where appended data begin: true if it closes an element, the name, the attributes, and where it ends."""
     place = data.find(b"<")
     while place >= 0:
-        found = TAG.match(data, place)
-        if found is not None and found[2] is not None:
-            name, is_closing = found[2].decode(), bool(found[1])
-            said = {key.decode(): value.decode("utf-8", "replace") for key, value in ATTRIBUTE.findall(found[3])}
-            yield is_closing, name, said, found.end()
+        match = TAG.match(data, place)
+        if match is not None and match[2] is not None:
+            name, is_closing = match[2].decode(), bool(match[1])
+            said = {key.decode(): value.decode("utf-8", "replace") for key, value in ATTRIBUTE.findall(match[3])}
+            yield is_closing, name, said, match.end()
             if name == APPENDED:
                 return
-            if found[3].rstrip().endswith(b"/"):
-                yield True, name, {}, found.end()
-        place = data.find(b"<", place + 1 if found is None else found.end())
+            if match[3].rstrip().endswith(b"/"):
+                yield True, name, {}, match.end()
+        place = data.find(b"<", place + 1 if match is None else match.end())
 
 
 def _appended(data: mmap.mmap) -> tuple[int, tuple[int, ...], bool]:
@@ -193,17 +193,17 @@ def _check(layout: _Layout, said: Attributes, place: int, values: int | None) ->
     else:
         place, end, is_raw = _stripped(layout.data, place)
         if kind == "ascii":
-            if needed is not None and width and (held := _words(layout.data, place, end)) != values:
-                raise ValueError(f"has {held} values, its data set {values}: was it cut short?")
+            if needed is not None and width and (count := _words(layout.data, place, end)) != values:
+                raise ValueError(f"has {count} values, its data set {values}: was it cut short?")
             return
     if needed == 0 or (place == end and needed is None):
         return
-    claimed, taken = layout.taken(place, end, is_raw)
+    claimed, length = layout.lengths(place, end, is_raw)
     if needed is not None and claimed != needed:
         raise ValueError(f"claims {claimed} bytes, its data set has values for {needed}: was it damaged?")
     check_room(claimed, "it")
-    if taken > end - place:
-        raise ValueError(f"takes {taken} bytes, the file has {end - place} for it: was it cut short?")
+    if length > end - place:
+        raise ValueError(f"takes {length} bytes, the file has {end - place} for it: was it cut short?")
     other = replace(layout, size=np.dtype(f"{layout.size.byteorder}u{12 - layout.size.itemsize}"))
     if not layout.fills(place, end, is_raw) and other.fills(place, end, is_raw, needed):
         bits = 8 * other.size.itemsize

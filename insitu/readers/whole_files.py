@@ -13,6 +13,7 @@ from pathlib import Path
 from insitu.readers.arrays import check_room
 from insitu.readers.ensight import check_case
 from insitu.readers.legacy_vtk import check_legacy
+from insitu.readers.named_files import require_named
 from insitu.readers.netcdf import is_classic, read_header
 from insitu.readers.vtk_xml_arrays import check_arrays
 from insitu.readers.xdmf_sizes import check_sizes
@@ -50,8 +51,7 @@ def check_whole(path: Path, above: tuple[Path, ...] = ()) -> None:
     elif is_classic(path):  # Exodus
         read_header(path)
     for part in parts(path):
-        if not part.is_file():
-            raise ValueError(f"there is no file {part.name}, which it names")
+        require_named(part)
         if part.resolve() in above:
             raise ValueError(f"it names {part.name}, of which it is a part itself")
         if len(above) >= DEEPEST:
@@ -85,15 +85,15 @@ def _check_end(path: Path) -> None:
 def _check_room(head: str) -> None:
     """Raise ValueError where the extent in a header takes more memory than there is."""
     extents = re.findall(r'WholeExtent="\s*([-\d\s]+?)\s*"', head)
-    for extent in (list(map(int, found.split())) for found in extents):
+    for extent in (list(map(int, match.split())) for match in extents):
         if len(extent) == 6:
             check_room(
                 _samples([high - low + 1 for low, high in zip(extent[::2], extent[1::2], strict=True)]), "its extent"
             )
-    for found in re.findall(r"(?m)^DIMENSIONS\s+(\d+)\s+(\d+)\s+(\d+)", head):
-        check_room(_samples(list(map(int, found))), "its DIMENSIONS")
-    for found in re.findall(r'NumberOf(?:Points|Cells)="\s*(\d+)\s*"|(?m:^POINTS\s+(\d+))', head):
-        check_room(12 * int(found[0] or found[1]), "its number of points or cells")
+    for match in re.findall(r"(?m)^DIMENSIONS\s+(\d+)\s+(\d+)\s+(\d+)", head):
+        check_room(_samples(list(map(int, match))), "its DIMENSIONS")
+    for match in re.findall(r'NumberOf(?:Points|Cells)="\s*(\d+)\s*"|(?m:^POINTS\s+(\d+))', head):
+        check_room(12 * int(match[0] or match[1]), "its number of points or cells")
 
 
 def _samples(counts: Sequence[int]) -> int:
@@ -111,10 +111,10 @@ def _check_ensight(path: Path, text: str) -> None:
     if any("*" in line for line in text.splitlines() if line.strip().lower().startswith("model:")):
         return
     for name in names:
-        held = sorted(path.parent.glob(re.sub(r"\*+", "[0-9]*", name)))
-        sizes = {part: part.stat().st_size for part in held}
-        for part in held:
-            longest = max(held, key=lambda other: sizes[other])
+        parts = sorted(path.parent.glob(re.sub(r"\*+", "[0-9]*", name)))
+        sizes = {part: part.stat().st_size for part in parts}
+        for part in parts:
+            longest = max(parts, key=lambda other: sizes[other])
             if sizes[part] == sizes[longest]:
                 continue
             data = part.read_bytes()

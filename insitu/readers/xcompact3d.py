@@ -75,14 +75,14 @@ def recognizes(path: Path) -> bool:
 
 def records(path: Path, sampling: Sampling) -> list[StoredState]:
     """The snapshots of a file: their times, or else their numbers."""
-    found = []
+    states = []
     for number, snapshot in enumerate(_snapshots(path)):
         word = snapshot.name.strip()
         says = {} if snapshot.time is None else {"time": snapshot.time}
-        found.append(
+        states.append(
             StoredState((number,), {**says, **({"snapshot": float(word)} if word.isdigit() and len(word) < 16 else {})})
         )
-    return found
+    return states
 
 
 def read(path: Path, array: str | None, index: tuple[int, ...], sampling: Sampling) -> Field | LabelledArray:
@@ -177,17 +177,17 @@ def _snapshot(domain: Element, grid: Element, time: float | None) -> Snapshot:
 
 def _referred(domain: Element, grid: Element, what: str) -> Element:
     """The topology or geometry of a grid: its own, or the one of the domain that it refers to."""
-    found = grid.find(what)
-    if found is None or found.get("Reference"):
+    element = grid.find(what)
+    if element is None or element.get("Reference"):
         shared = domain.findall(what)
         number = re.fullmatch(
-            rf"/Xdmf/Domain/{what}(?:\[(\d{{1,6}})\])?", (found.get("Reference") or "") if found is not None else ""
+            rf"/Xdmf/Domain/{what}(?:\[(\d{{1,6}})\])?", (element.get("Reference") or "") if element is not None else ""
         )
         place = int(number[1] or 1) if number else 1
-        found = shared[place - 1] if 1 <= place <= len(shared) else None
-    if found is None:
+        element = shared[place - 1] if 1 <= place <= len(shared) else None
+    if element is None:
         raise ValueError(f"its grid {grid.get('Name')!r} has no {what}")
-    return found
+    return element
 
 
 def _counts(element: Element) -> tuple[int, int, int]:

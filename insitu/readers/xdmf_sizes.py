@@ -12,6 +12,7 @@ from pathlib import Path
 from xml.etree.ElementTree import Element
 
 from insitu.readers.arrays import check_room
+from insitu.readers.named_files import require_named
 from insitu.readers.xml_files import parsed
 
 STRUCTURED = {f"{n}d{kind}" for n in (2, 3) for kind in ("corectmesh", "rectmesh", "smesh")}
@@ -40,7 +41,7 @@ def _check(path: Path, size: int, modified: int) -> None:
         check_room(math.prod(shape), "an array")
         if _format(item) == "XML" and not len(item):
             if len(text.split()) != math.prod(shape):
-                raise ValueError(f"an array claims {_shown(shape)} values, its text has {len(text.split())}")
+                raise ValueError(f"an array claims {_shape_text(shape)} values, its text has {len(text.split())}")
         elif _format(item) == "Binary":
             _check_raw(path, item, text, math.prod(shape), shared[text] > 1)
         elif _format(item) == "HDF5":
@@ -63,7 +64,7 @@ def _check_attributes(grid: Element) -> None:
         if center not in counts or components is None or not words or not all(map(str.isdigit, words)):
             continue
         if math.prod(map(int, words)) != components * counts[center]:
-            claimed, grid_of = _shown(tuple(map(int, words))), _shown(tuple(points))
+            claimed, grid_of = _shape_text(tuple(map(int, words))), _shape_text(tuple(points))
             raise ValueError(
                 f"array {attribute.get('Name')!r} claims {claimed} values, its grid of {grid_of} points has {counts[center]} "
                 f"{center}s"
@@ -94,23 +95,22 @@ def _check_stored(path: Path, text: str, shape: tuple[int, ...]) -> None:
         return
     try:
         with h5py.File(_file(path, name), "r") as file:
-            held = file.get(inner)
-            stored = held.shape if isinstance(held, h5py.Dataset) else None
+            dataset = file.get(inner)
+            actual = dataset.shape if isinstance(dataset, h5py.Dataset) else None
     except OSError as error:
         raise ValueError(f"{name} can't be read: {error}") from None
-    if stored is None:
+    if actual is None:
         raise ValueError(f"there is no array {inner} in {name}")
-    found, said = ([n for n in sizes if n != 1] for sizes in (stored, shape))
-    if found != said and (math.prod(found) != math.prod(said) or min(len(found), len(said)) > 1):
-        raise ValueError(f"it claims {_shown(shape)} values, {text} has {_shown(stored)}")
+    lengths, said = ([n for n in sizes if n != 1] for sizes in (actual, shape))
+    if lengths != said and (math.prod(lengths) != math.prod(said) or min(len(lengths), len(said)) > 1):
+        raise ValueError(f"it claims {_shape_text(shape)} values, {text} has {_shape_text(actual)}")
 
 
 def _file(path: Path, name: str) -> Path:
-    found = path.parent / name
-    if not found.is_file():
-        raise ValueError(f"there is no file {name}, which it names")
-    return found
+    target = path.parent / name
+    require_named(target, name)
+    return target
 
 
-def _shown(shape: tuple[int, ...]) -> str:
+def _shape_text(shape: tuple[int, ...]) -> str:
     return " x ".join(map(str, shape)) or "1"

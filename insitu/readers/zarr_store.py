@@ -33,12 +33,12 @@ def check_store(path: Path) -> None:
 
 def _codecs(record: Any) -> set[str]:
     """Names of all codecs in the metadata of an array, those of older and newer versions alike."""
-    found: set[str] = set()
+    names: set[str] = set()
     if isinstance(record, dict):
         for key in ("compressor", "filters", "codecs", "index_codecs"):
             listed = record.get(key) or []
             for codec in listed if isinstance(listed, list) else [listed]:
                 if isinstance(codec, dict):
-                    found.add(str(codec.get("id") or codec.get("name")).removeprefix("numcodecs."))
-        return found.union(*map(_codecs, record.values()))
-    return found.union(*map(_codecs, record)) if isinstance(record, list) else found
+                    names.add(str(codec.get("id") or codec.get("name")).removeprefix("numcodecs."))
+        return names.union(*map(_codecs, record.values()))
+    return names.union(*map(_codecs, record)) if isinstance(record, list) else names

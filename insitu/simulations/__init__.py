@@ -52,5 +52,5 @@ def simulation(name: str) -> Simulation:
     """The bundled simulation called `name`, loaded on first use; ValueError names the known ones."""
     if name not in _HOMES:
         raise ValueError(f"there is no simulation {name!r}; bundled are: {', '.join(sorted(_HOMES))}")
-    found: Simulation = import_module(_HOMES[name]).SIMULATION
-    return found
+    solver: Simulation = import_module(_HOMES[name]).SIMULATION
+    return solver

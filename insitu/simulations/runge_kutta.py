@@ -65,8 +65,8 @@ def steps(
 
 def last_of(states: Iterable[FlowState], start: FlowState) -> FlowState:
     """The last of the states; `start` where there is none."""
-    kept = deque(states, maxlen=1)
-    return kept[0] if kept else start
+    last = deque(states, maxlen=1)
+    return last[0] if last else start
 
 
 def _step(modes: Modes, dt: float, decay: Modes, tendency: Tendency, slope: Modes, stage: Modes, start: Modes) -> Modes:

@@ -122,8 +122,10 @@ class TaylorGreen:
         if resolution > self.resolution:
             raise ValueError(f"a flow of {self.resolution} points cannot be coarsened to {resolution}")
         count = coarse._mode_count
-        kept = np.all([3 * k < resolution for k in np.broadcast_arrays(*coarse._wavenumbers)], axis=0)  # [2, H, H, H]
-        return coarse, FlowState(state.time, state.modes[..., :count, :count, :count] * kept[:, None])
+        resolved = np.all(
+            [3 * k < resolution for k in np.broadcast_arrays(*coarse._wavenumbers)], axis=0
+        )  # [2, H, H, H]
+        return coarse, FlowState(state.time, state.modes[..., :count, :count, :count] * resolved[:, None])
 
     def velocity(self, state: FlowState) -> NDArray[Any]:
         """Velocity (3, z, y, x), components in (x, y, z) order, on the grid points."""
@@ -240,8 +242,8 @@ class TaylorGreen:
     def _basis(self, sine: bool, points: NDArray[Any]) -> NDArray[np.float64]:
         """sin(k x) or cos(k x) as [2, H, P]; zero for the odd wavenumber that the 2/3 rule may cut."""
         phase = self._mode_numbers[:, :, None] * points
-        kept = 3 * self._mode_numbers[:, :, None] < self.resolution
-        return (np.sin(phase) if sine else np.cos(phase)) * kept
+        resolved = 3 * self._mode_numbers[:, :, None] < self.resolution
+        return (np.sin(phase) if sine else np.cos(phase)) * resolved
 
     @cached_property
     def _mode_count(self) -> int:
@@ -274,11 +276,11 @@ def _swap(modes: Modes) -> Modes:
 def _gradient(series: Series, wavenumbers: Sequence[NDArray[Any]]) -> list[Series]:
     """The derivatives of a series in x, y and z."""
     modes, sines = series
-    found = []
+    terms = []
     for axis, k in enumerate(wavenumbers):
         x, y, z = (sine != (direction == axis) for direction, sine in enumerate(sines))
-        found.append((modes * (k if sines[axis] else -k), (x, y, z)))
-    return found
+        terms.append((modes * (k if sines[axis] else -k), (x, y, z)))
+    return terms
 
 
 def _with_mirror_image(parts: NDArray[Any], out: NDArray[Any]) -> NDArray[Any]:

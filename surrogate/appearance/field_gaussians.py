@@ -52,13 +52,13 @@ class FieldValues:
 
     def table(self, function: TransferFunction) -> AverageTable:
         """The averages of a function; those asked for lately are kept."""
-        found = self._tables.pop(function, None)
-        if found is None:
-            found = AverageTable.of(resampled(function, self.base.opacity_unit_distance, self.scale.knots))
-        self._tables[function] = found
+        table = self._tables.pop(function, None)
+        if table is None:
+            table = AverageTable.of(resampled(function, self.base.opacity_unit_distance, self.scale.knots))
+        self._tables[function] = table
         while len(self._tables) > MOST_TABLES:
             self._tables.pop(next(iter(self._tables)))
-        return found
+        return table
 
 
 @dataclass(frozen=True, eq=False)

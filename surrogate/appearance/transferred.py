@@ -58,8 +58,8 @@ class AverageTable:
     @cached_property
     def range(self) -> tuple[list[float], list[float]]:
         """The lowest and the highest red, green and blue of what absorbs, (3,) each; black where nothing does."""
-        seen = self.nodes.columns[self.nodes.columns[:, 0] > 0.0]  # [K', 4]
-        colors = seen[:, 1:] / seen[:, :1] if len(seen) else np.zeros((1, 3))  # [K', 3]
+        opaque = self.nodes.columns[self.nodes.columns[:, 0] > 0.0]  # [K', 4]
+        colors = opaque[:, 1:] / opaque[:, :1] if len(opaque) else np.zeros((1, 3))  # [K', 3]
         return colors.min(axis=0).tolist(), colors.max(axis=0).tolist()
 
     @cached_property
@@ -89,8 +89,8 @@ def apply(table: AverageTable, logits: Tensor, values: Tensor) -> tuple[Tensor, 
 
 def _applied(table: AverageTable, logits: Tensor, values: Tensor) -> tuple[Tensor, Tensor]:
     """New logits (N,) and colours (N, 3) by the kernel."""
-    made = kernels.apply_averages(*_arguments(table, logits, values), cores())
-    return torch.from_numpy(made[0]), torch.from_numpy(made[1])
+    arrays = kernels.apply_averages(*_arguments(table, logits, values), cores())
+    return torch.from_numpy(arrays[0]), torch.from_numpy(arrays[1])
 
 
 class _Applied(torch.autograd.Function):
@@ -107,8 +107,8 @@ class _Applied(torch.autograd.Function):
         require_no_second_derivative("apply", "apply_reference")
         arguments = _arguments(ctx.table, *ctx.saved_tensors)
         by_new_logits, by_colors = (gradient.numpy() for gradient in gradients)
-        made = kernels.apply_averages_gradient(*arguments, by_new_logits, by_colors, cores())
-        return None, torch.from_numpy(made[0]), torch.from_numpy(made[1])
+        by_input = kernels.apply_averages_gradient(*arguments, by_new_logits, by_colors, cores())
+        return None, torch.from_numpy(by_input[0]), torch.from_numpy(by_input[1])
 
 
 def _arguments(table: AverageTable, logits: Tensor, values: Tensor) -> tuple[Array, Row, Array, Array, Row, Row, Row]:
@@ -118,13 +118,13 @@ def _arguments(table: AverageTable, logits: Tensor, values: Tensor) -> tuple[Arr
 
 def apply_reference(table: AverageTable, logits: Tensor, values: Tensor) -> tuple[Tensor, Tensor]:
     """The same in plain torch, on any device and in any float dtype: the definition that the kernel is tested against."""
-    means = held(values[:, 0], LOWEST, HIGHEST)  # [N]
-    log_spreads = held(values[:, 1], math.log(LEAST_SPREAD), math.log(MOST_SPREAD))  # [N]
+    means = clamped(values[:, 0], LOWEST, HIGHEST)  # [N]
+    log_spreads = clamped(values[:, 1], math.log(LEAST_SPREAD), math.log(MOST_SPREAD))  # [N]
     averages = averages_reference(table.nodes, means, log_spreads)  # [N, 4]
     extinctions, emissions = averages[:, 0], averages[:, 1:]  # [N], [N, 3]
-    depths = held(torch.nn.functional.softplus(logits) * extinctions, LEAST_DEPTH, MOST_DEPTH)  # [N]
+    depths = clamped(torch.nn.functional.softplus(logits) * extinctions, LEAST_DEPTH, MOST_DEPTH)  # [N]
     low, high = (torch.tensor(row).to(values) for row in table.range)  # [3], [3]
-    return logit_of_depth(depths), held(emissions / extinctions.clamp(min=table.dark)[:, None], low, high)
+    return logit_of_depth(depths), clamped(emissions / extinctions.clamp(min=table.dark)[:, None], low, high)
 
 
 def logit_of_depth(depths: Tensor) -> Tensor:
@@ -132,7 +132,7 @@ def logit_of_depth(depths: Tensor) -> Tensor:
     return depths + torch.log(-torch.expm1(-depths))
 
 
-def held(numbers: Tensor, low: float | Tensor, high: float | Tensor) -> Tensor:
+def clamped(numbers: Tensor, low: float | Tensor, high: float | Tensor) -> Tensor:
     """Numbers cut to a range.  Where they reach its ends, gradients pass whose descent leads back inside; NaN stays."""
     return _Held.apply(numbers, low, high)
 

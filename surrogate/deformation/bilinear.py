@@ -120,15 +120,15 @@ class BilinearDeformation:
         return self._modes(parameters) * self.units
 
     def _modes(self, parameters: Tensor) -> Tensor:
-        given = parameters.to(self.weights_in.device)  # [P]
-        flat = torch.addmv(self.biases_out, self.weights_out, self._hidden(given))  # [L * C]
+        place = parameters.to(self.weights_in.device)  # [P]
+        flat = torch.addmv(self.biases_out, self.weights_out, self._hidden(place))  # [L * C]
         return flat.view(self.latents.shape[1], len(self.units))
 
-    def _hidden(self, given: Tensor) -> Tensor:
+    def _hidden(self, place: Tensor) -> Tensor:
         """The input (hidden,) of the last layer at parameters (P,)."""
         if self.frequencies:
-            given = encode(given[None], self.frequencies)[0]  # [P (1 + 2 K)]
-        hidden = torch.nn.functional.silu(torch.addmv(self.biases_in, self.weights_in, given))  # [hidden]
+            place = encode(place[None], self.frequencies)[0]  # [P (1 + 2 K)]
+        hidden = torch.nn.functional.silu(torch.addmv(self.biases_in, self.weights_in, place))  # [hidden]
         return hidden + torch.nn.functional.silu(torch.addmv(self.biases_middle, self.weights_middle, hidden))
 
     def offsets(self, gaussians: AnyGaussians, parameters: Tensor) -> Offsets:
@@ -141,9 +141,9 @@ class BilinearDeformation:
 
     def stored(self) -> dict[str, Tensor]:
         """`tensors()` without the rows of frozen attributes."""
-        kept = self.units != 0.0  # [C]
+        used = self.units != 0.0  # [C]
         outputs = {"weights_out": self.weights_out, "biases_out": self.biases_out}
-        modes = {name: t.unflatten(0, (self.latent_size, -1))[:, kept].flatten(0, 1) for name, t in outputs.items()}
+        modes = {name: t.unflatten(0, (self.latent_size, -1))[:, used].flatten(0, 1) for name, t in outputs.items()}
         return self.tensors() | modes
 
     def moves(self, attribute: str) -> bool:
@@ -152,12 +152,12 @@ class BilinearDeformation:
 
     def without(self, attribute: str) -> BilinearDeformation:
         """The same with zero for the attribute's units."""
-        kept = torch.ones_like(self.units)  # [C]
-        kept[self._columns(attribute)] = 0.0
-        every = kept.repeat(self.latent_size)  # [L C]
+        factors = torch.ones_like(self.units)  # [C]
+        factors[self._columns(attribute)] = 0.0
+        every = factors.repeat(self.latent_size)  # [L C]
         return replace(
             self,
-            units=self.units * kept,
+            units=self.units * factors,
             weights_out=self.weights_out * every[:, None],
             biases_out=self.biases_out * every,
         )
@@ -291,7 +291,7 @@ def _units(gaussians: AnyGaussians, color_columns: int) -> Tensor:
     return torch.tensor([UNITS[name] for name in gaussians.tensors() for _ in range(widths[name])])
 
 
-def _checked_sizes(tensors: Mapping[str, Tensor], columns: int, kept: int) -> tuple[int, int]:
+def _checked_sizes(tensors: Mapping[str, Tensor], columns: int, used: int) -> tuple[int, int]:
     """The numbers of modes and inputs of stored tensors; raises ValueError where their shapes do not fit together."""
     if set(tensors) != {*TENSORS}:
         raise ValueError(
@@ -302,8 +302,8 @@ def _checked_sizes(tensors: Mapping[str, Tensor], columns: int, kept: int) -> tu
     modes, (hidden, inputs) = tensors["latents"].shape[1], tensors["weights_in"].shape
     shapes: dict[str, tuple[int, ...]] = {
         "biases_in": (hidden,),
-        "weights_out": (modes * kept, hidden),
-        "biases_out": (modes * kept,),
+        "weights_out": (modes * used, hidden),
+        "biases_out": (modes * used,),
         "weights_middle": (hidden, hidden),
         "biases_middle": (hidden,),
     }
@@ -315,10 +315,10 @@ def _checked_sizes(tensors: Mapping[str, Tensor], columns: int, kept: int) -> tu
     return modes, inputs
 
 
-def _spread(tensor: Tensor, kept: Tensor, modes: int) -> Tensor:
-    """Rows (L M, ...) for the M kept columns of each of L modes, among zeros for the others: (L C, ...)."""
-    whole = tensor.new_zeros(modes, len(kept), *tensor.shape[1:])  # [L, C, ...]
-    whole[:, kept] = tensor.reshape(modes, int(kept.sum()), *tensor.shape[1:])
+def _spread(tensor: Tensor, used: Tensor, modes: int) -> Tensor:
+    """Rows (L M, ...) for the M used columns of each of L modes, among zeros for the others: (L C, ...)."""
+    whole = tensor.new_zeros(modes, len(used), *tensor.shape[1:])  # [L, C, ...]
+    whole[:, used] = tensor.reshape(modes, int(used.sum()), *tensor.shape[1:])
     return whole.flatten(0, 1)
 
 

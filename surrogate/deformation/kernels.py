@@ -55,7 +55,7 @@ class _AddProducts(torch.autograd.Function):
         for k in range(0, len(ctx.saved_tensors), 2):
             latents, modes = (tensor.detach().numpy() for tensor in ctx.saved_tensors[k : k + 2])
             needed = any(ctx.needs_input_grad[1 + k : 3 + k])
-            found = kernels.bilinear_gradients(latents, modes, arrays, cores()) if needed else ()
-            by_factors += map(torch.from_numpy, found) if needed else (None, None)
+            arrays_of_kernel = kernels.bilinear_gradients(latents, modes, arrays, cores()) if needed else ()
+            by_factors += map(torch.from_numpy, arrays_of_kernel) if needed else (None, None)
         by_rows = [g[:, : w[0]] if w else g for g, w in zip(gradients, ctx.widths, strict=True)]
         return None, *by_factors, *by_rows

@@ -65,8 +65,8 @@ class Transfer:
         depth_change, emission_change = sums[:, 0], sums[:, 1:]  # [N], [N, 3]
         before = torch.nn.functional.softplus(gaussians.opacity_logits)  # [N]
         after = (before + depth_change).clamp(min=LEAST_DEPTH)  # [N]
-        kept = before.clamp(min=LEAST_DEPTH)  # so that no change is none, bit for bit
-        logits = logit_of_depth(after) - logit_of_depth(kept)  # [N]
+        depths = before.clamp(min=LEAST_DEPTH)  # so that no change is none, bit for bit
+        logits = logit_of_depth(after) - logit_of_depth(depths)  # [N]
         base_colors = gaussians.colors[:, :3]  # [N, 3]
         free = base_colors + (emission_change - base_colors * depth_change[:, None]) / after[:, None]  # [N, 3]
         colors = self._between(free, base_colors) - base_colors  # [N, 3]
@@ -87,8 +87,8 @@ class Transfer:
 
 def _transferred(weights: Tensor, logits: Tensor, colors: Tensor, transfer: Transfer) -> tuple[Tensor, Tensor]:
     """New logits (N,) and colours (N, 3 K) by the kernel."""
-    made = kernels.transfer(*_arguments(transfer, weights, logits, colors), cores())
-    return torch.from_numpy(made[0]), torch.from_numpy(made[1])
+    arrays = kernels.transfer(*_arguments(transfer, weights, logits, colors), cores())
+    return torch.from_numpy(arrays[0]), torch.from_numpy(arrays[1])
 
 
 class _Transferred(torch.autograd.Function):

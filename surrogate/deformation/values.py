@@ -110,10 +110,10 @@ class ValuesDeformation:
 
     def deformed(self, gaussians: AnyGaussians, parameters: Tensor) -> Gaussians:
         """The member's Gaussians under the displaced transfer function: by torch where its gradient by that is asked for."""
-        shown = gaussians.drawn()
+        base = gaussians.drawn()
         if torch.is_grad_enabled() and parameters.requires_grad:
-            return self._moving(parameters).offsets(shown, self.weights).applied_to(shown).drawn()
-        return self.under(shown, self._displaced(parameters))
+            return self._moving(parameters).offsets(base, self.weights).applied_to(base).drawn()
+        return self.under(base, self._displaced(parameters))
 
     def under(self, gaussians: Gaussians, function: TransferFunction) -> Gaussians:
         """The member's Gaussians under any transfer function."""

@@ -156,5 +156,5 @@ class Visualization:
     def stored(self) -> dict[str, Tensor]:
         """All tensors: of both deformations, and of its own Gaussians."""
         parts = {"deformation": self.deformation, "simulation": self.simulation}
-        stored = {name: part.stored() for name, part in parts.items() if part is not None}
-        return joined(stored | ({} if self.gaussians is None else {"gaussians": self.gaussians.tensors()}))
+        tensors = {name: part.stored() for name, part in parts.items() if part is not None}
+        return joined(tensors | ({} if self.gaussians is None else {"gaussians": self.gaussians.tensors()}))

@@ -35,9 +35,9 @@ class Components:
         """From the inner products (M, M) of the differences."""
         squares, vectors = np.linalg.eigh(products)
         strengths = np.sqrt(np.maximum(squares[::-1], 0.0))  # [M]
-        kept = strengths > NOTHING * strengths[0]
-        kept[-1] &= len(products) == 1  # differences from a mean have one dimension less
-        vectors, strengths = vectors[:, ::-1][:, kept], strengths[kept]
+        is_useful = strengths > NOTHING * strengths[0]
+        is_useful[-1] &= len(products) == 1  # differences from a mean have one dimension less
+        vectors, strengths = vectors[:, ::-1][:, is_useful], strengths[is_useful]
         return cls(vectors * strengths, vectors / strengths)
 
 
@@ -50,7 +50,7 @@ def products_of(differences: NDArray[np.float32]) -> Array:
     return total
 
 
-def without(products: Array, kept: NDArray[np.int64]) -> Array:
-    """Inner products of the kept members' differences from their own mean."""
-    own = products[np.ix_(kept, kept)]
+def without(products: Array, members: NDArray[np.int64]) -> Array:
+    """Inner products of the members' differences from their own mean."""
+    own = products[np.ix_(members, members)]
     return own - own.mean(0) - own.mean(0)[:, None] + own.mean()

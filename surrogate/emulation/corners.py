@@ -51,7 +51,7 @@ class Corners:
 
     def average(self, values: NDArray[np.floating], holes: NDArray[np.bool_] | None = None) -> NDArray[np.float64]:
         """Interpolated `values` (..., V) at the places, (..., N); NaN beside holes (V,) and outside the box."""
-        found = np.einsum("...nc,nc->...n", values[..., self.indices], self.weights, optimize=True)
+        averages = np.einsum("...nc,nc->...n", values[..., self.indices], self.weights, optimize=True)
         if holes is not None:
-            found[..., (holes[self.indices] & (self.weights > 0.0)).any(1)] = np.nan
-        return found
+            averages[..., (holes[self.indices] & (self.weights > 0.0)).any(1)] = np.nan
+        return averages

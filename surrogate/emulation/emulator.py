@@ -91,7 +91,7 @@ class FieldEmulator:
 
     def save(self, directory: str | os.PathLike[str]) -> None:
         """Write `model.safetensors`, then `model.json`, which makes it an emulator, into `directory`."""
-        tensors, record, encodings = storage.stored(self)
+        tensors, record, encodings = storage.stored_form(self)
         models.StoredModel(tensors, {"schema": models.SCHEMA, **record}, encodings).save(directory)
 
     @classmethod
@@ -107,7 +107,7 @@ class FieldEmulator:
     def of_stored(
         cls, tensors: Mapping[str, Tensor], record: Mapping[str, Any], encodings: Mapping[str, Encoding]
     ) -> FieldEmulator:
-        """The emulator of which `storage.stored` gave these; raises ValueError naming the part that is damaged."""
+        """The emulator of which `storage.stored_form` gave these; raises ValueError naming the part that is damaged."""
         parts = storage.parts_of(tensors, record, encodings)
         outline = storage.outline_of(tensors, record, encodings)
         if outline is not None:
@@ -118,7 +118,7 @@ class FieldEmulator:
     @property
     def megabytes(self) -> float:
         """Size of the stored tensors, 10^6 bytes."""
-        tensors, record, encodings = storage.stored(self)
+        tensors, record, encodings = storage.stored_form(self)
         return models.StoredModel(tensors, record, encodings).megabytes
 
     def __repr__(self) -> str:

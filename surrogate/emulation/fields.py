@@ -81,7 +81,7 @@ class EmulatedFields(Mapping[str, FieldEmulator]):
     @cached_property
     def megabytes(self) -> float:
         """Size of the stored tensors, 10^6 bytes."""
-        return self._stored().megabytes
+        return self._stored_form().megabytes
 
     def quantity(self, name: str) -> Quantity:
         """The name and the unit of a field."""
@@ -89,7 +89,7 @@ class EmulatedFields(Mapping[str, FieldEmulator]):
 
     def save(self, directory: str | os.PathLike[str]) -> None:
         """Write `model.safetensors`, then `model.json`, which makes them emulators, into `directory`."""
-        self._stored().save(directory)
+        self._stored_form().save(directory)
 
     @classmethod
     def load(cls, directory: str | os.PathLike[str]) -> EmulatedFields:
@@ -99,9 +99,9 @@ class EmulatedFields(Mapping[str, FieldEmulator]):
         """
         return models.load(directory, cls._of_stored)
 
-    def _stored(self) -> models.StoredModel:
-        stored = {name: storage.stored(emulator) for name, emulator in self.emulators.items()}
-        numbered = {str(number): parts for number, parts in enumerate(stored.values())}
+    def _stored_form(self) -> models.StoredModel:
+        by_name = {name: storage.stored_form(emulator) for name, emulator in self.emulators.items()}
+        numbered = {str(number): parts for number, parts in enumerate(by_name.values())}
         record = {
             "schema": models.SCHEMA,
             "parameters": self.space.to_json(),
@@ -111,27 +111,27 @@ class EmulatedFields(Mapping[str, FieldEmulator]):
                     "quantity": self.quantities[name].to_json() if name in self.quantities else None,
                     **parts[1],
                 }
-                for name, parts in stored.items()
+                for name, parts in by_name.items()
             ],
         }
         encodings = {f"{n}.{name}": e for n, parts in numbered.items() for name, e in parts[2].items()}
         return models.StoredModel(joined({n: parts[0] for n, parts in numbered.items()}), record, encodings)
 
     @classmethod
-    def _of_stored(cls, stored: models.StoredModel) -> EmulatedFields:
+    def _of_stored(cls, model: models.StoredModel) -> EmulatedFields:
         with models.part("parameters"):
-            space = ParameterSpace.from_json(stored.record["parameters"])
+            space = ParameterSpace.from_json(model.record["parameters"])
         emulators: dict[str, FieldEmulator] = {}
         quantities: dict[str, Quantity] = {}
-        for number, record in enumerate(_listed(stored.record["fields"])):
+        for number, record in enumerate(_listed(model.record["fields"])):
             with models.part(f"field {number}"):
                 name = Quantity(record["field"]).name
                 encodings = {
                     key.removeprefix(f"{number}."): e
-                    for key, e in stored.encodings.items()
+                    for key, e in model.encodings.items()
                     if key.startswith(f"{number}.")
                 }
-                emulators[name] = FieldEmulator.of_stored(part_of(stored.tensors, str(number)), record, encodings)
+                emulators[name] = FieldEmulator.of_stored(part_of(model.tensors, str(number)), record, encodings)
                 if emulators[name].processes.points.shape[1] != len(space):
                     raise ValueError(f"it must have the {len(space)} parameters {joined_names(space.names)}")
                 quantities[name] = Quantity(**record["quantity"])

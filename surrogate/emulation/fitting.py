@@ -75,8 +75,8 @@ class Members:
 
 def fit(members: Members, scale: ValueScale | None) -> dict[str, Any]:
     """The fitted parts of an emulator, by the names of its fields."""
-    kept = np.arange(members.fields.shape[1]) if members.solid is None else np.flatnonzero(~members.solid)
-    places = np.sort(np.random.default_rng(SEED).permutation(kept)[:COMPARED])
+    voxels = np.arange(members.fields.shape[1]) if members.solid is None else np.flatnonzero(~members.solid)
+    places = np.sort(np.random.default_rng(SEED).permutation(voxels)[:COMPARED])
     fitted = _Fit.of(members, None)
     if scale is not None:
         other = _Fit.of(members, scale)

@@ -95,10 +95,10 @@ def plane(field: EmulatedField, axis: str, coordinate: float) -> Sampled:
     lines = [np.array([coordinate]) if i == across else _axis(field, i) for i in range(3)]
     z, y, x = np.meshgrid(*lines[::-1], indexing="ij")
     places = np.stack([x, y, z], -1).squeeze(2 - across)  # [., ., 3]
-    found = sample(field, places.reshape(-1, 3))
+    samples = sample(field, places.reshape(-1, 3))
     shape = places.shape[:2]
-    deviations = None if found.deviations is None else found.deviations.reshape(shape)
-    return Sampled(places, found.values.reshape(shape), deviations)
+    deviations = None if samples.deviations is None else samples.deviations.reshape(shape)
+    return Sampled(places, samples.values.reshape(shape), deviations)
 
 
 def statistics(
@@ -115,7 +115,7 @@ def statistics(
         share = np.nan if above is None else (values > above).mean()
         return np.array([values.min(), values.max(), values.mean(dtype=np.float64), share])
 
-    values, deviations = _drawn(field, box, measured, draws, seed)
+    values, deviations = _with_draws(field, box, measured, draws, seed)
     least, most, mean, share = (
         Measured(float(value), None if deviations is None else float(deviations[i])) for i, value in enumerate(values)
     )
@@ -133,10 +133,10 @@ def histogram(
     def shares(values: NDArray[Any]) -> Array:
         return np.histogram(values, bounds)[0] / len(values)
 
-    return Histogram(bounds, *_drawn(field, box, shares, draws, seed))
+    return Histogram(bounds, *_with_draws(field, box, shares, draws, seed))
 
 
-def _drawn(
+def _with_draws(
     field: EmulatedField, box: Box | None, measured: Callable[[NDArray[Any]], Array], draws: int, seed: int
 ) -> tuple[Array, Array | None]:
     """Numbers of the field's values in a box, and their root mean square differences in fields of the posterior."""
@@ -144,24 +144,24 @@ def _drawn(
     values = measured(field.values.ravel()[inside])
     if field.posterior is None:
         return values, None
-    others = [measured(drawn[inside]) for drawn in field.posterior.draws(count(draws, "draws"), seed)]
+    others = [measured(sample[inside]) for sample in field.posterior.draws(count(draws, "draws"), seed)]
     return values, np.sqrt(np.mean((np.array(others) - values) ** 2, axis=0, dtype=np.float64))
 
 
 def _inside(field: EmulatedField, box: Box | None) -> NDArray[np.int64]:
     """Positions of the samples in a box that have a value."""
-    kept = np.ones(field.values.shape, bool) if field.holes is None else ~field.holes
+    selected = np.ones(field.values.shape, bool) if field.holes is None else ~field.holes
     if box is not None:
         low, high = (row(corner, 3, "corner of a box") for corner in box)
         for i in range(3):
             line = _axis(field, i)
             within = (line >= low[i]) & (line <= high[i])
-            kept = kept & np.expand_dims(within, tuple(a for a in range(3) if a != 2 - i))
-    found = np.flatnonzero(kept)
-    if not len(found):
+            selected = selected & np.expand_dims(within, tuple(a for a in range(3) if a != 2 - i))
+    indices = np.flatnonzero(selected)
+    if not len(indices):
         extent = ", ".join(f"{a} {_axis(field, i)[0]:g}..{_axis(field, i)[-1]:g}" for i, a in enumerate(AXES))
         raise ValueError(f"no sample with a value lies in the box {box}: the field has {extent}")
-    return found
+    return indices
 
 
 def _axis(field: EmulatedField, axis: int) -> Array:

@@ -44,17 +44,17 @@ class Posterior:
 
     def deviations(self) -> NDArray[np.float32]:
         """Standard deviations (V,) in the field's unit."""
-        found = np.empty(len(self.mean), dtype=np.float32)
+        deviations = np.empty(len(self.mean), dtype=np.float32)
         unit = max(self.spreads.max(initial=0.0), float(self.residual.max(initial=0.0))) or 1.0  # squares stay small
         squares = ((self.spreads / unit) ** 2).astype(np.float32)  # [K]
         center = self._scaled(self.coefficients)  # [V]
-        for start in range(0, len(found), VOXELS_AT_ONCE):
+        for start in range(0, len(deviations), VOXELS_AT_ONCE):
             piece = slice(start, start + VOXELS_AT_ONCE)
             scaled = (
                 np.sqrt(squares @ self.modes[:, piece] ** 2 + (self.residual[piece] / np.float32(unit)) ** 2) * unit
             )
-            found[piece] = self._half_width(center[piece], scaled)
-        return found
+            deviations[piece] = self._half_width(center[piece], scaled)
+        return deviations
 
     def draws(self, count: int, seed: int) -> Iterator[NDArray[np.float32]]:
         """`count` fields (V,) of the distribution, without what no coefficient expresses."""

@@ -62,13 +62,13 @@ class Processes:
         bounds = [e for e in sorted(set(ends)) if 0 < e <= count]
         groups = np.searchsorted(bounds, np.arange(count), side="right")  # [K]
         squares = _squares(points, points)
-        found = []
+        optima = []
         for group in range(len(bounds)):
             first = None
             if start is not None and group < len(start.noises):
                 first = np.append(np.log(start.lengths[group]), np.log(start.noises[group]))
-            found.append(_most_likely(squares, coefficients[:, groups == group], first))
-        hyper = np.exp(np.reshape(found, (len(bounds), points.shape[1] + 1)))  # [G, P + 1]
+            optima.append(_most_likely(squares, coefficients[:, groups == group], first))
+        hyper = np.exp(np.reshape(optima, (len(bounds), points.shape[1] + 1)))  # [G, P + 1]
         return cls(points, coefficients, hyper[:, :-1], hyper[:, -1], groups)
 
     def first(self, count: int) -> Processes:
@@ -158,7 +158,7 @@ def _most_likely(squares: Array, coefficients: Array, start: Array | None) -> Ar
     strength = np.sqrt((coefficients**2).mean(0))  # [K]
     counts = (strength / strength.max()) ** 2  # [K]
     scaled = coefficients / strength
-    found = minimize(
+    optimum = minimize(
         _unlikelihood,
         first,
         args=(squares, scaled, counts),
@@ -167,7 +167,7 @@ def _most_likely(squares: Array, coefficients: Array, start: Array | None) -> Ar
         bounds=bounds,
         options={"maxiter": MOST_STEPS},
     )
-    return np.asarray(found.x)
+    return np.asarray(optimum.x)
 
 
 def _unlikelihood(logarithms: Array, squares: Array, coefficients: Array, counts: Array) -> tuple[float, Array]:

@@ -43,7 +43,7 @@ def encodings_of(
     weak = np.cumsum(added[::-1])[::-1] <= ROUNDING * error  # [K]
     fine = int(len(weak) - weak.sum())
     rounding = added[fine:].sum()
-    found = {
+    encodings = {
         "mean": encode(_tensor(mean), "uint16"),
         FINE: encode(_tensor(modes[:fine].T), "uint16"),
         COARSE: encode(_tensor(modes[fine:].T), "uint8"),
@@ -51,8 +51,8 @@ def encodings_of(
     }
     if solid is not None:
         bits = torch.from_numpy(np.packbits(solid))
-        found["solid"] = Encoding("uint8", bits, torch.zeros(1), torch.ones(1))
-    return found
+        encodings["solid"] = Encoding("uint8", bits, torch.zeros(1), torch.ones(1))
+    return encodings
 
 
 def decoded(encodings: Mapping[str, Encoding]) -> dict[str, Any]:
@@ -60,7 +60,7 @@ def decoded(encodings: Mapping[str, Encoding]) -> dict[str, Any]:
     return _arrays({name: encoding.decoded() for name, encoding in encodings.items()})
 
 
-def stored(emulator: Any) -> tuple[dict[str, Tensor], dict[str, Any], dict[str, Encoding]]:
+def stored_form(emulator: Any) -> tuple[dict[str, Tensor], dict[str, Any], dict[str, Encoding]]:
     """Tensors, record and encodings of a `FieldEmulator`."""
     processes = emulator.processes
     tensors = {name: encoding.decoded() for name, encoding in emulator.encodings.items()}
@@ -77,7 +77,7 @@ def stored(emulator: Any) -> tuple[dict[str, Tensor], dict[str, Any], dict[str, 
     }
     encodings = dict(emulator.encodings)
     if emulator.outline is not None:
-        inner, record[OUTLINE], codes = stored(emulator.outline)
+        inner, record[OUTLINE], codes = stored_form(emulator.outline)
         tensors |= joined({OUTLINE: inner})
         encodings |= {f"{OUTLINE}.{name}": encoding for name, encoding in codes.items()}
     return tensors, record, encodings
@@ -126,7 +126,7 @@ def parts_of(
 def outline_of(
     tensors: Mapping[str, Tensor], record: Mapping[str, Any], encodings: Mapping[str, Encoding]
 ) -> tuple[dict[str, Tensor], Mapping[str, Any], dict[str, Encoding]] | None:
-    """The stored outline of moving holes, as `stored` gives it; None where there is none."""
+    """The stored outline of moving holes, as `stored_form` gives it; None where there is none."""
     if OUTLINE not in record:
         return None
     names = {name.removeprefix(f"{OUTLINE}."): e for name, e in encodings.items() if name.startswith(f"{OUTLINE}.")}

@@ -47,14 +47,14 @@ class LeftOut:
         combined = np.zeros((members, count, members))
         for fold in range(min(FOLDS, members)):
             out = np.sort(order[fold::FOLDS])
-            kept = np.setdiff1d(np.arange(members), out)
-            own = Components.of(without(products, kept))
-            fitted = Processes.fit(points[kept], own.coefficients, processes)
+            others = np.setdiff1d(np.arange(members), out)
+            own = Components.of(without(products, others))
+            fitted = Processes.fit(points[others], own.coefficients, processes)
             means, spreads = fitted.predict(points[out])  # [O, J]
             few = min(count, means.shape[1])
             combinations = own.combinations[:, :few] - own.combinations[:, :few].mean(0)  # [kept, K]
-            remainders[np.ix_(out, kept)] -= 1.0 / len(kept) + means[:, :few] @ combinations.T
-            combined[np.ix_(out, np.arange(few), kept)] = combinations.T
+            remainders[np.ix_(out, others)] -= 1.0 / len(others) + means[:, :few] @ combinations.T
+            combined[np.ix_(out, np.arange(few), others)] = combinations.T
             deviations[out, :few] = spreads[:, :few]
         return cls(remainders, combined, deviations)
 
@@ -84,11 +84,11 @@ class LeftOut:
 
 def residual_of(tails: Array, differences: NDArray[np.float32]) -> NDArray[np.float32]:
     """The root mean square (V,) of tails (M, M) of the members' differences (M, V)."""
-    found = np.empty(differences.shape[1], dtype=np.float32)
-    for start in range(0, len(found), PIECE):
+    residuals = np.empty(differences.shape[1], dtype=np.float32)
+    for start in range(0, len(residuals), PIECE):
         piece = (tails.astype(np.float32) @ differences[:, start : start + PIECE]).astype(np.float64)  # [M, piece]
-        found[start : start + PIECE] = np.sqrt((piece**2).mean(0))
-    return found
+        residuals[start : start + PIECE] = np.sqrt((piece**2).mean(0))
+    return residuals
 
 
 def needed(coefficients: Array, left_out: Array) -> int:

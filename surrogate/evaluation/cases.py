@@ -87,7 +87,7 @@ def base_cells(catalog: Catalog, appearance: str) -> CaseCells:
     """Test images of the base appearance, by row of `VIEWS` and column of `PARAMETERS`; no choice may be made on them."""
     of = partial(cases_of, catalog.members, {appearance: {}})
     return {
-        row: {"seen_parameters": drawn(of(("train",), views)), "unseen_parameters": of(("test",), views)}
+        row: {"seen_parameters": sample_of(of(("train",), views)), "unseen_parameters": of(("test",), views)}
         for row, views in VIEWS.items()
     }
 
@@ -103,7 +103,7 @@ def variation_cells(catalog: Catalog, variation: Variation) -> CaseCells:
     members = catalog.members
     return {
         row: {
-            column: drawn_evenly(cases_of(members, _asked(variation, settings), splits, ("test",)))
+            column: drawn_evenly(cases_of(members, _settings_of(variation, settings), splits, ("test",)))
             for column, splits in PARAMETERS.items()
         }
         for row, settings in SETTINGS.items()
@@ -112,11 +112,11 @@ def variation_cells(catalog: Catalog, variation: Variation) -> CaseCells:
 
 def variation_validation(catalog: Catalog, variation: Variation) -> list[Case]:
     """Images of validation members under validation settings; under all settings of a field, which are trained."""
-    shown = _asked(variation, (VALIDATION,) if variation.continuous else ("train",))
-    return drawn_evenly(cases_of(catalog.members, shown, (VALIDATION,), ("train", VALIDATION)))
+    settings = _settings_of(variation, (VALIDATION,) if variation.continuous else ("train",))
+    return drawn_evenly(cases_of(catalog.members, settings, (VALIDATION,), ("train", VALIDATION)))
 
 
-def drawn(cases: Sequence[Case], most: int = MOST_IMAGES) -> list[Case]:
+def sample_of(cases: Sequence[Case], most: int = MOST_IMAGES) -> list[Case]:
     """At most `most` cases, drawn without replacement by a fixed seed, in order."""
     if len(cases) <= most:
         return list(cases)
@@ -125,15 +125,15 @@ def drawn(cases: Sequence[Case], most: int = MOST_IMAGES) -> list[Case]:
 
 def drawn_evenly(cases: Sequence[Case], most: int = MOST_VARIED) -> list[Case]:
     """At most `most` cases, drawn by a fixed seed, in order; equally many of each member and appearance, give or take one."""
-    taken: Counter[tuple[str, str]] = Counter()
+    counts: Counter[tuple[str, str]] = Counter()
     turns = []
     for i in np.random.default_rng(0).permutation(len(cases)).tolist():
         group = cases[i].member.name, cases[i].appearance
-        turns.append((taken[group], i))
-        taken[group] += 1
+        turns.append((counts[group], i))
+        counts[group] += 1
     return [cases[i] for i in sorted(i for _, i in sorted(turns, key=lambda turn: turn[0])[:most])]
 
 
-def _asked(variation: Variation, splits: Sequence[str]) -> dict[str, dict[str, float | str]]:
+def _settings_of(variation: Variation, splits: Sequence[str]) -> dict[str, dict[str, float | str]]:
     """Visualization parameters of a surrogate, by appearance."""
     return {s.appearance: variation.arguments(s) for s in variation.settings if s.split in splits}

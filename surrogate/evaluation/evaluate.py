@@ -17,7 +17,7 @@ from surrogate.evaluation.cases import (
     all_cases,
     base_cells,
     base_validation,
-    drawn,
+    sample_of,
     variation_cells,
     variation_validation,
 )
@@ -53,13 +53,13 @@ class Baseline:
     scores : scores of the images that it can predict: at unseen parameters by row of `VIEWS`, or under unseen settings
         by column of `PARAMETERS`; and "validation".
     degrees : largest angle between a view and the stored view that stands in for it.
-    shown : per column, the fewest and the most trained settings of a predicted member.
+    settings : per column, the fewest and the most trained settings of a predicted member.
     """
 
     name: str
     scores: Mapping[str, Sequence[Scored]] = field(repr=False)
     degrees: float = 0.0
-    shown: Mapping[str, tuple[int, int]] = field(default_factory=dict)
+    settings: Mapping[str, tuple[int, int]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,7 +121,7 @@ def evaluate(surrogate: Surrogate, catalog: Catalog, *, progress: Report = lambd
     engine = _Engine(surrogate, catalog, progress, PerceptualMetrics.load(), DecodedImages(catalog))
     appearance = str(surrogate.training["appearance"])
     cells, watched = base_cells(catalog, appearance), base_validation(catalog, appearance)
-    judged, unseen = drawn(watched), {row: columns["unseen_parameters"] for row, columns in cells.items()}
+    judged, unseen = sample_of(watched), {row: columns["unseen_parameters"] for row, columns in cells.items()}
     scored = engine.cells("surrogate", cells, judged, list(unseen.values()))
     groups = {**unseen, VALIDATION: [case for case in judged if case.member.split == VALIDATION]}
     change, view = measure(surrogate, catalog.members)
@@ -217,8 +217,8 @@ class _Engine:
         if not variation.continuous:
             return []
         stage, pictures = "trivial predictors of settings", SettingPictures(variation)
-        counts = {name: [len(pictures.shown(case.member)) for case in group] for name, group in groups.items()}
-        shown = {
+        counts = {name: [len(pictures.trained_in(case.member)) for case in group] for name, group in groups.items()}
+        span = {
             name: (min(present), max(present)) for name, of in counts.items() if (present := list(filter(None, of)))
         }
         mixtures = Mixtures(self.images, pictures, setting_rules(len(variation.space), variation.plural))
@@ -229,7 +229,7 @@ class _Engine:
 
         unmoved = SurrogatePredictor(self._at, self.catalog.plan.background, at_nearest, (AT_NEAREST,))
         unseen = {"unseen_parameters": groups["unseen_parameters"]}
-        of_member = self.baselines(stage, mixtures, groups, shown=shown)
+        of_member = self.baselines(stage, mixtures, groups, settings=span)
         joint = self.joint_baselines(variation, {**unseen, VALIDATION: groups[VALIDATION]})
         return [*of_member, *self.baselines(stage, unmoved, unseen), *joint]
 

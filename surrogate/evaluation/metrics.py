@@ -53,12 +53,12 @@ def composite(rgba: NDArray[Any], background: Sequence[float]) -> NDArray[np.flo
     """Premultiplied RGBA (H, W, 4) on a background colour, clipped to [0, 1]: (H, W, 3) float32."""
     pixels = rgba.astype(np.float32) / 255.0 if rgba.dtype == np.uint8 else rgba
     through = 1.0 - pixels[..., 3]  # [H, W]
-    shown = np.empty((*through.shape, 3), np.float32)
+    image = np.empty((*through.shape, 3), np.float32)
     for channel, behind in enumerate(np.asarray(background, dtype=np.float32)):  # far faster than rows of three
         color = through * behind
         color += pixels[..., channel]
-        np.clip(color, 0.0, 1.0, out=shown[..., channel])
-    return shown
+        np.clip(color, 0.0, 1.0, out=image[..., channel])
+    return image
 
 
 def decibels(squared_error: float, most: float = MOST_DECIBELS) -> float:
@@ -78,8 +78,8 @@ def mean_squared_error(truth: NDArray[np.float32], prediction: NDArray[np.float3
 
 def ssim(truth: NDArray[np.float32], prediction: NDArray[np.float32]) -> float:
     """Mean structural similarity of two images (H, W, C); see `DEFINITIONS`."""
-    shown, wanted = (np.ascontiguousarray(image, dtype=np.float32) for image in (prediction, truth))
-    _, similarity, _ = kernels.image_loss(shown, wanted, 1.0, 1)
+    predicted, wanted = (np.ascontiguousarray(image, dtype=np.float32) for image in (prediction, truth))
+    _, similarity, _ = kernels.image_loss(predicted, wanted, 1.0, 1)
     return float(similarity)
 
 
@@ -122,8 +122,12 @@ class TrueImage:
         """All metrics of a premultiplied RGBA image (H, W, 4), uint8 or float32."""
         predicted = self.composite(prediction)
         squares = _squares(self.displayed, predicted)  # [H, W, 3]
-        shown = np.flatnonzero(self.covered | foreground(prediction, self.background))
-        inside = decibels(float(np.mean(squares.reshape(-1, 3).take(shown, axis=0)))) if len(shown) else math.nan
+        inside_pixels = np.flatnonzero(self.covered | foreground(prediction, self.background))
+        inside = (
+            decibels(float(np.mean(squares.reshape(-1, 3).take(inside_pixels, axis=0))))
+            if len(inside_pixels)
+            else math.nan
+        )
         error = float(np.mean(squares))
         return Score(decibels(error), ssim(self.displayed, predicted), inside, error, float(self.covered.mean()))
 

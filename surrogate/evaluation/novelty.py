@@ -65,15 +65,15 @@ class SeenValues:
 
     def visible(self, function: TransferFunction) -> NDArray[np.float64]:
         """Share of each bin (K,) in the visible amount under `function`; zeros where it shows nothing."""
-        shown = self.frequency * extinctions(function, self.edges)  # [K]
-        return shown / total if (total := float(shown.sum())) > 0.0 else shown
+        opacities = self.frequency * extinctions(function, self.edges)  # [K]
+        return opacities / total if (total := float(opacities.sum())) > 0.0 else opacities
 
     def novelty(self, function: TransferFunction) -> float:
         """Share, 0 to 1, of the visible amount under `function` that training did not show; 0 if it shows nothing."""
         extinction = extinctions(function, self.edges)  # [K]
-        shown = float(self.frequency @ extinction)
+        total = float(self.frequency @ extinction)
         new = np.maximum(extinction - MAGNIFIED * self.extinctions, 0.0)  # [K]
-        return float(self.frequency @ new) / shown if shown > 0.0 else 0.0
+        return float(self.frequency @ new) / total if total > 0.0 else 0.0
 
     def quantile(self, function: TransferFunction, share: float) -> float:
         """The field value below which `share` of the visible amount lies; raises ValueError where `function` shows nothing."""

@@ -40,13 +40,13 @@ class DecodedImages:
 
     def image(self, member: Member, appearance: str, view: int, *, dtype: str = "uint8") -> NDArray[Any]:
         """See `Images`."""
-        stored = "uint8" if self.plan.image_format == "png" else dtype
-        key = member.name, appearance, view, stored
+        dtype_on_disk = "uint8" if self.plan.image_format == "png" else dtype
+        key = member.name, appearance, view, dtype_on_disk
         pixels = self.decoded.get(key)
         if pixels is None:
-            pixels = self.catalog.image(member, appearance, view, dtype=stored)
+            pixels = self.catalog.image(member, appearance, view, dtype=dtype_on_disk)
             self._keep(key, pixels)
-        return pixels if stored == dtype else to_float(pixels)
+        return pixels if dtype_on_disk == dtype else to_float(pixels)
 
     def _keep(self, key: tuple[str, str, int, str], pixels: NDArray[Any]) -> None:
         self.decoded[key] = pixels

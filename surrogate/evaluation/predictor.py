@@ -62,12 +62,12 @@ class SurrogatePredictor:
             for case in batch:
                 through.setdefault(id(case.camera), []).append(case)
             if len(through) == len(batch):
-                yield batch, partial(self._drawn, deformed)
+                yield batch, partial(self._render, deformed)
                 continue
             for same in through.values():  # one picture for all
-                yield same, partial(_itself, self._drawn(deformed, same[0]))
+                yield same, partial(_itself, self._render(deformed, same[0]))
 
-    def _drawn(self, deformed: DeformedGaussians, case: Case) -> list[NDArray[np.float32]]:
+    def _render(self, deformed: DeformedGaussians, case: Case) -> list[NDArray[np.float32]]:
         return [deformed.render(case.camera, background=self.background)]
 
 

@@ -124,8 +124,8 @@ def perceptual_remarks(record: Mapping[str, Any], unavailable: Mapping[str, str]
     empty = [
         m for m in PERCEPTUAL_METRICS if all(v is None for columns in record[m].values() for v in columns.values())
     ]
-    shown = ", ".join(HEADINGS[m] for m in PERCEPTUAL_METRICS if m not in empty)
-    sentences = [f"{shown}: at most {max(counts)} images of a cell, evenly spread."] if shown else []
+    listed = ", ".join(HEADINGS[m] for m in PERCEPTUAL_METRICS if m not in empty)
+    sentences = [f"{listed}: at most {max(counts)} images of a cell, evenly spread."] if listed else []
     for metric in empty:
         reason = unavailable.get(metric, "these images are too small for it")
         sentences.append(f"{HEADINGS[metric]} is missing: {reason}.")

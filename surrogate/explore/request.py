@@ -71,8 +71,8 @@ def setting_of(record: Any, surrogate: Surrogate, origins: Mapping[str, float] |
     parameters = _mapping(fields.get("parameters"), "parameters")
     _require(set(parameters) == set(names), f"parameters must be exactly {joined_names(names)}", sorted(parameters))
     color_map = fields.get("color_map", "")
-    known = isinstance(color_map, str) and color_map in ("", *COLOR_MAPS)
-    _require(known, f"color_map must be one of {', '.join(COLOR_MAPS)} or empty", color_map)
+    is_known = isinstance(color_map, str) and color_map in ("", *COLOR_MAPS)
+    _require(is_known, f"color_map must be one of {', '.join(COLOR_MAPS)} or empty", color_map)
     visualization = _visualization(_mapping(fields.get("visualization", {}), "visualization"), surrogate, origins or {})
     setting = Setting(
         {p.name: within(parameters[p.name], p) for p in surrogate.space.parameters}, visualization, color_map
@@ -89,23 +89,25 @@ def setting_of(record: Any, surrogate: Surrogate, origins: Mapping[str, float] |
 
 
 def _visualization(
-    given: Mapping[str, Any], surrogate: Surrogate, origins: Mapping[str, float]
+    values: Mapping[str, Any], surrogate: Surrogate, origins: Mapping[str, float]
 ) -> dict[str, float | str]:
     variations = [v.variation for v in surrogate.visualizations]
-    variation = next((v for v in variations if set(given) <= set(v.argument_names)), None)
-    if not given:
+    variation = next((v for v in variations if set(values) <= set(v.argument_names)), None)
+    if not values:
         return {}
     if variation is None:
         names = [list(v.argument_names) for v in variations]
-        raise MessageError(f"visualization must be of one of {names or 'no'} parameters, got {_shown(sorted(given))}")
+        raise MessageError(
+            f"visualization must be of one of {names or 'no'} parameters, got {_shortened_text(sorted(values))}"
+        )
     if variation.continuous:
-        known = (p for p in variation.space.parameters if p.name in given)
-        return {p.name: within(given[p.name], p, origins.get(p.name, 0.0)) for p in known}
+        parameters = (p for p in variation.space.parameters if p.name in values)
+        return {p.name: within(values[p.name], p, origins.get(p.name, 0.0)) for p in parameters}
     appearances = [variation.base, *variation.parameter_names]
     _require(
-        given[APPEARANCE] in appearances, f"{APPEARANCE} must be one of {', '.join(appearances)}", given[APPEARANCE]
+        values[APPEARANCE] in appearances, f"{APPEARANCE} must be one of {', '.join(appearances)}", values[APPEARANCE]
     )
-    return {APPEARANCE: str(given[APPEARANCE])}
+    return {APPEARANCE: str(values[APPEARANCE])}
 
 
 def camera_of(record: Any, size: Any, surrogate: Surrogate) -> Camera:
@@ -146,26 +148,26 @@ def within(value: Any, parameter: Parameter, origin: float = 0.0) -> float:
 
 def _mapping(value: Any, name: str) -> Mapping[str, Any]:
     if not isinstance(value, Mapping) or not all(isinstance(key, str) for key in value):
-        raise MessageError(f"{name} must be an object of named values, got {_shown(value)}")
+        raise MessageError(f"{name} must be an object of named values, got {_shortened_text(value)}")
     return value
 
 
 def _sequence(value: Any, name: str, least: int, most: int) -> Sequence[Any]:
     if not isinstance(value, list | tuple) or not least <= len(value) <= most:
         count = f"{least} to {most}" if least < most else str(least)
-        raise MessageError(f"{name} must be a list of {count}, got {_shown(value)}")
+        raise MessageError(f"{name} must be a list of {count}, got {_shortened_text(value)}")
     return value
 
 
 def _number(value: Any, name: str) -> float:
     if isinstance(value, bool) or not isinstance(value, int | float):
-        raise MessageError(f"{name} must be a number, got {_shown(value)}")
+        raise MessageError(f"{name} must be a number, got {_shortened_text(value)}")
     try:
         number = float(value)
     except OverflowError:
         number = math.inf
     if not math.isfinite(number):
-        raise MessageError(f"{name} must be finite, got {_shown(value)}")
+        raise MessageError(f"{name} must be finite, got {_shortened_text(value)}")
     return number
 
 
@@ -184,10 +186,10 @@ def _side(value: Any) -> int:
 def _require(met: bool, demand: str, value: Any) -> None:
     """Raise MessageError that names the demand and the value, unless it is met."""
     if not met:
-        raise MessageError(f"{demand}, got {_shown(value)}")
+        raise MessageError(f"{demand}, got {_shortened_text(value)}")
 
 
-def _shown(value: Any) -> str:
+def _shortened_text(value: Any) -> str:
     """A value from outside, shortened for an error."""
     if isinstance(value, str | bytes | list | tuple | dict) and len(value) > 200:
         return f"{type(value).__name__} of {len(value)}"

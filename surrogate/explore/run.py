@@ -52,10 +52,10 @@ class Run:
     @cached_property
     def cameras(self) -> Sequence[Camera]:
         """The viewpoints that all members share, else those of each; where none are stored, 252 around the whole volume."""
-        stored = () if self.catalog is None else self.catalog.plan.cameras
+        cameras = () if self.catalog is None else self.catalog.plan.cameras
         placed = self.surrogate.normalization
         return (
-            stored
+            cameras
             or [camera for member in self.members for camera in member.cameras]
             or orbit(placed.center, 3.0**0.5 * placed.extent, width=SIDE, height=SIDE)
         )
@@ -65,8 +65,8 @@ class Run:
         """The transfer function that control points are displaced from; None where there is none, or nobody knows it."""
         bases = [v.variation.base for v in self.surrogate.visualizations if v.variation.edits_base]
         appearances = self.catalog.plan.appearances if self.catalog and bases else ()
-        stored = (a.transfer_function for a in appearances if isinstance(a, VolumeRendering) and a.name in bases)
-        return base_function(self.surrogate) or next(stored, None)
+        functions = (a.transfer_function for a in appearances if isinstance(a, VolumeRendering) and a.name in bases)
+        return base_function(self.surrogate) or next(functions, None)
 
     @cached_property
     def origins(self) -> dict[str, float]:

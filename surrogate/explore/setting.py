@@ -68,11 +68,13 @@ class Setting:
 
 
 def listed(values: Mapping[str, float | str], origins: Mapping[str, float] | None = None) -> str:
-    """Such as "Re=1800, appearance=speed"; values with an origin are given from zero on, as in `shown`."""
-    return ", ".join(f"{name}={_word(value)}" for name, value in shown(values, origins).items())
+    """Such as "Re=1800, appearance=speed"; values with an origin are given from zero on, as in `with_origins`."""
+    return ", ".join(f"{name}={_word(value)}" for name, value in with_origins(values, origins).items())
 
 
-def shown(values: Mapping[str, float | str], origins: Mapping[str, float] | None = None) -> dict[str, float | str]:
+def with_origins(
+    values: Mapping[str, float | str], origins: Mapping[str, float] | None = None
+) -> dict[str, float | str]:
     """Values as people read them: of a control point its place, not its displacement from the `origins` of `origins_of`."""
     from_zero = origins or {}
     return {n: v if isinstance(v, str) else v + from_zero.get(n, 0.0) for n, v in values.items()}

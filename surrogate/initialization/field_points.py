@@ -42,7 +42,7 @@ class FieldPoints:
     def __repr__(self) -> str:
         return f"<FieldPoints: {len(self):,} of {len(self.names)} members, {int(self.evenly.sum()):,} of them evenly>"
 
-    def drawn(
+    def sample(
         self, member: int, count: int, random: np.random.Generator, *, even_share: float = 0.5
     ) -> NDArray[np.int64]:
         """`count` points of the member in row `member`, (count,) indices, some maybe twice.
@@ -78,22 +78,24 @@ def field_points(
         raise ValueError(f"splits must be some of {', '.join(SPLITS)}, got {', '.join(unknown) or 'none'}")
     if field and field not in catalog.plan.fields:
         raise ValueError(f"{catalog.path} shows {', '.join(catalog.plan.fields) or 'no field'}, and no field {field!r}")
-    kept = [(member, known) for member in catalog.members if member.split in splits if (known := _known(member, field))]
-    parameters = [[member.parameters[name] for name in space.names] for member, _ in kept]  # [K][P]
-    places = [p for _, summary in kept for p in (summary.points, summary.even_points)]  # [., 3] each
-    values = [v for _, summary in kept for v in (summary.point_values, summary.even_values)]  # [.] each
+    sampled = [
+        (member, one) for member in catalog.members if member.split in splits if (one := _summary(member, field))
+    ]
+    parameters = [[member.parameters[name] for name in space.names] for member, _ in sampled]  # [K][P]
+    places = [p for _, summary in sampled for p in (summary.points, summary.even_points)]  # [., 3] each
+    values = [v for _, summary in sampled for v in (summary.point_values, summary.even_values)]  # [.] each
     counts = np.array([len(v) for v in values], dtype=np.int64)  # [2 K]
     return FieldPoints(
-        names=tuple(member.name for member, _ in kept),
-        parameters=space.normalize(np.reshape(parameters, (len(kept), len(space)))).astype(np.float32),
+        names=tuple(member.name for member, _ in sampled),
+        parameters=space.normalize(np.reshape(parameters, (len(sampled), len(space)))).astype(np.float32),
         places=normalization.points(np.concatenate([np.empty((0, 3)), *places])).astype(np.float32),
         values=np.concatenate([np.empty(0), *values]),
-        members=np.repeat(np.arange(2 * len(kept)) // 2, counts),
-        evenly=np.repeat(np.arange(2 * len(kept)) % 2 == 1, counts),
+        members=np.repeat(np.arange(2 * len(sampled)) // 2, counts),
+        evenly=np.repeat(np.arange(2 * len(sampled)) % 2 == 1, counts),
     )
 
 
-def _known(member: Member, field: str) -> FieldSummary | None:
+def _summary(member: Member, field: str) -> FieldSummary | None:
     """The summary of a field that the member has points of."""
     summary = member.summary(field)
     return summary if summary is not None and len(summary.points) + len(summary.even_points) else None

@@ -93,5 +93,5 @@ def straight_colors(sums: NDArray[np.float64]) -> NDArray[np.float64]:
     """Straight RGB (M, 3) in [0, 1] of premultiplied RGBA summed over pixels (M, 4); the mean of all where alpha is 0."""
     total = sums.sum(0)  # [4]
     mean = total[:3] / total[3] if total[3] > 0 else np.full(3, 0.5)
-    seen = sums[:, 3] > 0  # [M]
-    return np.where(seen[:, None], sums[:, :3] / np.where(seen, sums[:, 3], 1.0)[:, None], mean)
+    is_visible = sums[:, 3] > 0  # [M]
+    return np.where(is_visible[:, None], sums[:, :3] / np.where(is_visible, sums[:, 3], 1.0)[:, None], mean)

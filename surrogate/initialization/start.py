@@ -37,21 +37,21 @@ def initial_points(
         return None
     if settings.initialization == "sfm":
         return _from_pictures(settings, catalog, appearance, normalization)
-    shown = next(a for a in catalog.plan.appearances if a.name == appearance)
-    summaries = [m.summary(field_of(shown)) for m in catalog.members if m.split == "train"]
-    kept = [s for s in summaries if s is not None and len(s.points)]
-    if not kept and settings.initialization == "in-situ":
+    drawn_as = next(a for a in catalog.plan.appearances if a.name == appearance)
+    summaries = [m.summary(field_of(drawn_as)) for m in catalog.members if m.split == "train"]
+    sampled = [s for s in summaries if s is not None and len(s.points)]
+    if not sampled and settings.initialization == "in-situ":
         raise ValueError(
             'training.initialization is "in-situ", but no training member of this catalog has sampled points: '
             'set it to "auto" or "random"'
         )
-    if not kept:
+    if not sampled:
         return None
-    places = normalization.points(np.concatenate([s.points for s in kept]))  # [M, 3]
-    if not isinstance(shown, VolumeRendering):
+    places = normalization.points(np.concatenate([s.points for s in sampled]))  # [M, 3]
+    if not isinstance(drawn_as, VolumeRendering):
         return StartPoints(places, None)
-    values = np.concatenate([s.point_values for s in kept]).astype(np.float64)  # [M]
-    return StartPoints(places, shown.transfer_function.colors(values), values)
+    values = np.concatenate([s.point_values for s in sampled]).astype(np.float64)  # [M]
+    return StartPoints(places, drawn_as.transfer_function.colors(values), values)
 
 
 def surface_points(
@@ -60,14 +60,14 @@ def surface_points(
     """Points that the hook sampled on the isosurfaces which `variation` trains, of all training members; None where it has none."""
     if settings.initialization not in ("auto", "in-situ"):
         return None
-    names, found = variation.named("train"), []
+    names, points = variation.named("train"), []
     for surface in (a for a in catalog.plan.appearances if a.name in names and isinstance(a, Isosurface)):
         for member in (m for m in catalog.members if m.split == "train"):
             summary = member.summary(field_of(surface))
             if summary is not None and len(summary.points):
                 on_it = summary.point_values == summary.point_values.dtype.type(surface.isovalue)  # [M]
-                found.append(summary.points[on_it])
-    places = np.concatenate(found) if found else np.empty((0, 3))
+                points.append(summary.points[on_it])
+    places = np.concatenate(points) if points else np.empty((0, 3))
     return StartPoints(normalization.points(places), None) if len(places) else None
 
 

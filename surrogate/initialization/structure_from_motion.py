@@ -64,16 +64,16 @@ def structure_from_motion_points(
     cameras = [picture.camera for picture in pictures]
     box = normalization.points(catalog.plan.bounds)  # [2, 3]
     searched = _searched(pictures, catalog.plan.background is None) if len(pictures) >= SHORTEST_TRACK else ()
-    found = [track for images in searched for track in triangulate(pycolmap, cameras, images, seed)]
-    tracks = [t for t in found if t.views >= SHORTEST_TRACK and ((t.place >= box[0]) & (t.place <= box[1])).all()]
+    candidates = [track for images in searched for track in triangulate(pycolmap, cameras, images, seed)]
+    tracks = [t for t in candidates if t.views >= SHORTEST_TRACK and ((t.place >= box[0]) & (t.place <= box[1])).all()]
     if len(tracks) < FEWEST_POINTS:
         raise ValueError(
             f"structure from motion found {len(tracks)} points in {len(pictures)} training images of member {member.name}, at "
             f"least {FEWEST_POINTS} are needed: small, smooth and translucent images have few features that other views "
             'repeat; set training.initialization = "random"'
         )
-    shown = [foreground(picture.pixels, catalog.plan.background) for picture in pictures]  # V of [H, W, 4]
-    sums = [np.sum([shown[view][row, column] / 255.0 for view, row, column in t.pixels], axis=0) for t in tracks]
+    foregrounds = [foreground(picture.pixels, catalog.plan.background) for picture in pictures]  # V of [H, W, 4]
+    sums = [np.sum([foregrounds[view][row, column] / 255.0 for view, row, column in t.pixels], axis=0) for t in tracks]
     return StartPoints(np.stack([track.place for track in tracks]), straight_colors(np.stack(sums)))
 
 
@@ -147,13 +147,13 @@ def _match(pycolmap: Any, reconstruction: Any, folder: Path, pairs: Sequence[tup
 
 
 def _track(reconstruction: Any, point: int) -> Track:
-    found = reconstruction.point3D(point)
+    place = reconstruction.point3D(point)
     pixels = []
-    for element in found.track.elements:
+    for element in place.track.elements:
         image = reconstruction.image(element.image_id)
         column, row = image.point2D(element.point2D_idx).xy
         pixels.append((element.image_id - 1, int(row), int(column)))
-    return Track(np.array(found.xyz), np.array(pixels))
+    return Track(np.array(place.xyz), np.array(pixels))
 
 
 def _searched(pictures: Sequence[Picture], translucent: bool) -> Iterator[list[NDArray[np.uint8]]]:

@@ -94,11 +94,11 @@ class DifferentiableSurrogate(torch.nn.Module):
         gaussians = self.deformed(parameters)
         if pose is None:
             view = self.normalization.camera(camera)
-            drawn = primitives(gaussians, view)
+            projected = primitives(gaussians, view)
         else:
             view = replace(posed(camera, pose), world_to_camera=np.eye(4))
-            drawn = in_camera(gaussians, self.normalization, pose)
-        picture = self.rasterizer.draw_primitives(drawn, gaussians, view, BLACK)  # [H, W, 4]
+            projected = in_camera(gaussians, self.normalization, pose)
+        picture = self.rasterizer.draw_primitives(projected, gaussians, view, BLACK)  # [H, W, 4]
         if behind is None:
             return picture
         color = picture[..., :3] + (1.0 - picture[..., 3:]) * torch.from_numpy(behind).to(picture)

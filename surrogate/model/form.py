@@ -24,7 +24,7 @@ Fields = Mapping[str, Any]  # those of a `Surrogate`, by name
 TRAINED = {"fingerprint": str, "appearance": str, "seconds": float, "steps": int, "settings": dict, "curve": list}
 
 
-def stored(surrogate: Any) -> models.StoredModel:
+def stored_form(surrogate: Any) -> models.StoredModel:
     """The stored form of a `Surrogate`."""
     parts = {"gaussians": surrogate.gaussians.tensors(), "deformation": surrogate.deformation.stored()}
     parts |= {f"visualization{i}": v.stored() for i, v in enumerate(surrogate.visualizations)}
@@ -77,12 +77,12 @@ def fields_of(model: models.StoredModel) -> Fields:
         background = None if background is None else tuple(fraction(c, "a colour") for c in row(background, 3, "it"))
     with part("training"):
         _check_training(record["training"])
-    shown = []
+    loaded = []
     for i, form in enumerate(visualizations):
         with part(f"visualization {i}"):
             visualization = Visualization.load(parts[f"visualization{i}"], form)
             _check_visualization(visualization, len(gaussians), len(space), carried=carried)
-            shown.append(visualization)
+            loaded.append(visualization)
     return {
         "gaussians": gaussians,
         "deformation": deformation,
@@ -92,7 +92,7 @@ def fields_of(model: models.StoredModel) -> Fields:
         "background": background,
         "training": record["training"],
         "encodings": model.encodings,
-        "visualizations": tuple(shown),
+        "visualizations": tuple(loaded),
     }
 
 
@@ -110,9 +110,9 @@ def _check_fit(deformation: Deformation, gaussians: int, parameters: int) -> Non
         rows = len(deformation.tensors()[name])
         if rows != gaussians:
             raise ValueError(f"{name} must have a row for each of {gaussians} Gaussians, got {rows}")
-    taken = deformation.parameters if isinstance(deformation, BilinearDeformation) else parameters
-    if taken != parameters:
-        raise ValueError(f"it must be of {parameters} parameters, got {taken}")
+    count = deformation.parameters if isinstance(deformation, BilinearDeformation) else parameters
+    if count != parameters:
+        raise ValueError(f"it must be of {parameters} parameters, got {count}")
 
 
 def _check_visualization(visualization: Visualization, gaussians: int, parameters: int, *, carried: bool) -> None:

@@ -67,8 +67,8 @@ class ParameterPoint:
 
     def check_finite(self, deformed: Gaussians) -> None:
         """Raise ValueError where Gaussians here can't be drawn."""
-        drawn = (deformed.means, deformed.scales(), deformed.quats, deformed.opacities(), deformed.colors)
-        if not all(bool(torch.isfinite(tensor).all()) for tensor in drawn):
+        tensors = (deformed.means, deformed.scales(), deformed.quats, deformed.opacities(), deformed.colors)
+        if not all(bool(torch.isfinite(tensor).all()) for tensor in tensors):
             raise ValueError(
                 f"the surrogate extrapolates to numbers that are not finite at {named(self.parameters)}: choose values nearer "
                 "the bounds"

@@ -23,7 +23,7 @@ from surrogate.gaussians import Normalization
 from surrogate.model.batches import draw_all, paired, rows_of, warn_of
 from surrogate.model.deformed import DeformedGaussians, checked_background
 from surrogate.model.differentiable import DifferentiableSurrogate
-from surrogate.model.form import fields_of, stored
+from surrogate.model.form import fields_of, stored_form
 from surrogate.model.places import ParameterPoint, place_of, transfer_place
 from surrogate.notebook import surrogate_html
 from surrogate.rasterizer import Rasterizer
@@ -215,12 +215,12 @@ class Surrogate:
     @property
     def megabytes(self) -> float:
         """Size of the model's tensors as they are stored, 10^6 bytes."""
-        return self._stored().megabytes
+        return self._stored_form().megabytes
 
     @property
     def digest(self) -> str:
         """A SHA-256 over all that is stored of the model."""
-        return self._stored().digest
+        return self._stored_form().digest
 
     @staticmethod
     def exists(directory: str | os.PathLike[str]) -> bool:
@@ -229,7 +229,7 @@ class Surrogate:
 
     def save(self, directory: str | os.PathLike[str]) -> None:
         """Write `model.safetensors`, then `model.json`, which makes it a surrogate, into `directory`."""
-        self._stored().save(directory)
+        self._stored_form().save(directory)
 
     @classmethod
     def load(cls, directory: str | os.PathLike[str]) -> Surrogate:
@@ -243,15 +243,15 @@ class Surrogate:
     @classmethod
     def of_bytes(cls, tensors: bytes, record: bytes, device: str = "cpu") -> Surrogate:
         """The surrogate whose two files hold these bytes, on a device; raises ValueError as `load` does, RuntimeError as `to`."""
-        made = models.of_contents(tensors, record, lambda model: cls(**fields_of(model)))
-        return made if device == "cpu" else made.to(device)
+        surrogate = models.of_contents(tensors, record, lambda model: cls(**fields_of(model)))
+        return surrogate if device == "cpu" else surrogate.to(device)
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickles, copies and what goes to other processes hold the bytes that `save` writes, and the device."""
-        return type(self).of_bytes, (*self._stored().contents(), str(self.gaussians.means.device))
+        return type(self).of_bytes, (*self._stored_form().contents(), str(self.gaussians.means.device))
 
-    def _stored(self) -> models.StoredModel:
-        return stored(self)
+    def _stored_form(self) -> models.StoredModel:
+        return stored_form(self)
 
     def _following(self) -> str:
         variations = [v.variation for v in self.visualizations]

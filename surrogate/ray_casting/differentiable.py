@@ -49,14 +49,14 @@ def volume_image(
         )
     field = SampledField(values.detach().numpy(), holes, spacing, origin)
     transfer = appearance.transfer_function
-    drawn = drawn_range(field.range, transfer)
-    knots = Knots.of(transfer, drawn)
+    value_range = drawn_range(field.range, transfer)
+    knots = Knots.of(transfer, value_range)
     distances = checked_distance(field, sample_distance), transfer.opacity_unit_distance
-    view = _View(field, drawn, knots.places, distances, camera, cores() if threads is None else threads)
+    view = _View(field, value_range, knots.places, distances, camera, cores() if threads is None else threads)
     own_opacities, own_colors = (
         torch.tensor(p).double()[:, 1:] for p in (transfer.opacity_points, transfer.color_points)
     )
-    shown = torch.cat(
+    nodes = torch.cat(
         [
             torch.from_numpy(knots.of_opacities)
             @ (own_opacities if opacities is None else opacities.double()[:, None]),
@@ -64,45 +64,45 @@ def volume_image(
         ],
         dim=1,
     )  # [K, 4]
-    image: Tensor = _VolumeImage.apply(view, values, shown)
+    image: Tensor = _VolumeImage.apply(view, values, nodes)
     return image
 
 
 @dataclass(frozen=True, eq=False)
 class _View:
     field: SampledField
-    drawn: tuple[float, float]
+    value_range: tuple[float, float]
     places: NDArray[np.float64]  # [K]
     distances: tuple[float, float]
     camera: Camera
     threads: int
 
-    def table(self, shown: Tensor) -> NDArray[np.float64]:
-        return np.concatenate([self.places[:, None], shown.detach().numpy()], axis=1)
+    def table(self, nodes: Tensor) -> NDArray[np.float64]:
+        return np.concatenate([self.places[:, None], nodes.detach().numpy()], axis=1)
 
 
 class _VolumeImage(torch.autograd.Function):
     @staticmethod
-    def forward(ctx: Any, view: _View, values: Tensor, shown: Tensor) -> Tensor:
-        samples, within = drawn_values(view.field, view.drawn, needs_neighbours=False)
+    def forward(ctx: Any, view: _View, values: Tensor, nodes: Tensor) -> Tensor:
+        samples, within = drawn_values(view.field, view.value_range, needs_neighbours=False)
         ctx.view, ctx.dtype = view, values.dtype
         ctx.samples = kernels.cast_field(samples, view.field.holes, *within, False, view.threads)
         size = view.camera.width, view.camera.height
         rays = view.field.rays(view.camera)
         image = torch.from_numpy(
-            kernels.cast_volume(ctx.samples, view.table(shown), view.distances, None, rays, size, view.threads)
+            kernels.cast_volume(ctx.samples, view.table(nodes), view.distances, None, rays, size, view.threads)
         )
-        ctx.save_for_backward(shown, image)
+        ctx.save_for_backward(nodes, image)
         return image
 
     @staticmethod
     def backward(ctx: Any, *gradients: Tensor) -> tuple[Tensor | None, ...]:
         require_no_second_derivative("volume_image", "draw_volume_reference")
         view: _View = ctx.view
-        shown, image = ctx.saved_tensors
+        nodes, image = ctx.saved_tensors
         by_values, by_shown = kernels.cast_gradient(
             ctx.samples,
-            view.table(shown),
+            view.table(nodes),
             view.distances,
             view.field.rays(view.camera),
             image.numpy(),
@@ -110,5 +110,5 @@ class _VolumeImage(torch.autograd.Function):
             ctx.needs_input_grad[2],
             view.threads,
         )
-        low, high = view.drawn
+        low, high = view.value_range
         return None, torch.from_numpy(by_values).to(ctx.dtype) / (high - low), torch.from_numpy(by_shown)

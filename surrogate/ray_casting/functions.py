@@ -38,11 +38,11 @@ class Knots:
     of_colors: NDArray[np.float64]
 
     @classmethod
-    def of(cls, transfer: TransferFunction, drawn: tuple[float, float]) -> Knots:
-        """Those of a function over the `drawn` range of values."""
-        low, high = drawn
+    def of(cls, transfer: TransferFunction, value_range: tuple[float, float]) -> Knots:
+        """Those of a function over the `value_range`."""
+        low, high = value_range
         of_opacities, of_colors = (np.array(p)[:, 0] for p in (transfer.opacity_points, transfer.color_points))
-        values = np.unique(np.concatenate([of_opacities, of_colors, drawn]))
+        values = np.unique(np.concatenate([of_opacities, of_colors, value_range]))
         values = values[(values >= low) & (values <= high)]  # [K]
         weights = (
             [np.interp(values, points, one) for one in np.eye(len(points))] for points in (of_opacities, of_colors)

@@ -46,18 +46,18 @@ def draw_volume_reference(
     place of the field's and the function's.
     """
     distance, transfer = checked_distance(field, sample_distance), appearance.transfer_function
-    drawn = drawn_range(field.range, transfer)
-    knots = Knots.of(transfer, drawn)
-    given = (np.array(transfer.opacity_points)[:, 1], np.array(transfer.color_points)[:, 1:])
+    value_range = drawn_range(field.range, transfer)
+    knots = Knots.of(transfer, value_range)
+    own_points = (np.array(transfer.opacity_points)[:, 1], np.array(transfer.color_points)[:, 1:])
     opacities, colors = (
         torch.from_numpy(own) if tensor is None else tensor.double()
-        for own, tensor in zip(given, (opacities, colors), strict=True)
+        for own, tensor in zip(own_points, (opacities, colors), strict=True)
     )
     table = torch.cat(
         [torch.from_numpy(knots.of_opacities) @ opacities[:, None], torch.from_numpy(knots.of_colors) @ colors], dim=1
     )  # [K, 4]
     samples = torch.from_numpy(field.filled.astype(np.float64)) if values is None else values.double()
-    samples = ((samples - drawn[0]) / (drawn[1] - drawn[0])).clamp(-FARTHEST, FARTHEST)
+    samples = ((samples - value_range[0]) / (value_range[1] - value_range[0])).clamp(-FARTHEST, FARTHEST)
     march = _March(_Box.of(field), samples, torch.from_numpy(knots.places), table, appearance, distance)
     return _by_rays(camera, march.along)
 
@@ -140,9 +140,9 @@ class _Box:
 
         A world unit along each axis is `measure` (3,) of the longest steps.
         """
-        held = torch.where(directions.abs() > 1e-200, directions, 1e-200)
-        first = (self.origin - eye) / held  # [R, 3], the slab method (Kay & Kajiya 1986)
-        second = (self.origin + self.last * self.spacing - eye) / held  # [R, 3]
+        nonzero = torch.where(directions.abs() > 1e-200, directions, 1e-200)
+        first = (self.origin - eye) / nonzero  # [R, 3], the slab method (Kay & Kajiya 1986)
+        second = (self.origin + self.last * self.spacing - eye) / nonzero  # [R, 3]
         near, far = torch.minimum(first, second), torch.maximum(first, second)
         enter, leave = near.amax(dim=1).clamp(min=0.0), far.amin(dim=1)  # [R], [R]
         inside = (leave - enter).clamp(min=0.0)
@@ -186,13 +186,15 @@ class _March:
             (rays,) = torch.nonzero((steps > k) & (through >= OPAQUE), as_tuple=True)
             index = begin[rays] + (k + 0.5) * step[rays]  # [A, 3]
             values, hidden = self.box.trilinear(self.samples, index)  # [A], [A]
-            shown = self.function(values.clamp(0.0, 1.0))  # [A, 4]
+            samples = self.function(values.clamp(0.0, 1.0))  # [A, 4]
             exponents = lengths[rays] / self.appearance.transfer_function.opacity_unit_distance
-            passing = 1.0 - shown[:, 0]
+            passing = 1.0 - samples[:, 0]
             passing = torch.where(passing > NEARLY_OPAQUE, passing, passing.detach())
             alphas = 1.0 - passing**exponents  # [A]
             straight = (
-                _lit(shown[:, 1:], self.gradients(index), directions[rays]) if self.appearance.shaded else shown[:, 1:]
+                _lit(samples[:, 1:], self.gradients(index), directions[rays])
+                if self.appearance.shaded
+                else samples[:, 1:]
             )
             weights = through[rays] * torch.where(hidden, 0.0, alphas)  # [A]
             color = color.index_add(0, rays, weights[:, None] * straight)

@@ -55,10 +55,10 @@ class VolumeCaster:
             raise TypeError(f"a volume is drawn by a VolumeRendering, got {type(appearance).__name__}")
         distance = checked_distance(field, sample_distance)
         transfer = appearance.transfer_function
-        drawn = drawn_range(field.range, transfer)
-        values, within = drawn_values(field, drawn, needs_neighbours=appearance.shaded)
+        value_range = drawn_range(field.range, transfer)
+        values, within = drawn_values(field, value_range, needs_neighbours=appearance.shaded)
         samples = kernels.cast_field(values, field.holes, *within, False, cores() if threads is None else threads)
-        return cls(field, appearance, distance, samples, Knots.of(transfer, drawn).table(transfer))
+        return cls(field, appearance, distance, samples, Knots.of(transfer, value_range).table(transfer))
 
     def draw(self, camera: Camera, *, threads: int | None = None) -> NDArray[np.float32]:
         """Premultiplied RGBA (height, width, 4), top row first; bitwise the same for any number of threads."""
@@ -117,7 +117,7 @@ def checked_distance(field: SampledField, sample_distance: float | None) -> floa
 
 
 def drawn_values(
-    field: SampledField, drawn: tuple[float, float], *, needs_neighbours: bool
+    field: SampledField, value_range: tuple[float, float], *, needs_neighbours: bool
 ) -> tuple[NDArray[np.float32], tuple[float, float]]:
     """(values (nz, ny, nx), those of them that become 0 and 1), such that single precision keeps the drawn range.
 
@@ -125,7 +125,7 @@ def drawn_values(
     """
     values = field.filled if needs_neighbours else field.values
     if values.dtype == np.float32:
-        return values, drawn
-    low, high = drawn
+        return values, value_range
+    low, high = value_range
     with np.errstate(over="ignore"):
         return ((values.astype(np.float64) - low) / (high - low)).astype(np.float32), (0.0, 1.0)

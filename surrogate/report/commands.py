@@ -37,13 +37,13 @@ def evaluate(scene: Path, runs: Path, records: Path | None) -> None:
     if text := tests_line(opened.catalog):
         click.echo(f"  {text}")
     page = opened.folder / "report" / "report.md"
-    kept = opened.folder if records is None else records / opened.name, opened.settings.seed
-    if not Surrogate.exists(opened.model) and is_kept(*kept, fingerprint(opened.settings, opened.catalog), code()):
-        click.echo(f"{report_path(*kept)}: nothing to do")
+    place = opened.folder if records is None else records / opened.name, opened.settings.seed
+    if not Surrogate.exists(opened.model) and is_kept(*place, fingerprint(opened.settings, opened.catalog), code()):
+        click.echo(f"{report_path(*place)}: nothing to do")
         return
     surrogate = load_surrogate(opened.model)
-    made = surrogate.training["fingerprint"], surrogate.training.get("code_version", "")
-    if is_current(page.parent, surrogate) and is_kept(*kept, *made):
+    marks = surrogate.training["fingerprint"], surrogate.training.get("code_version", "")
+    if is_current(page.parent, surrogate) and is_kept(*place, *marks):
         click.echo(f"{page}: nothing to do")
         return
     from surrogate.evaluation.evaluate import evaluate as run
@@ -51,7 +51,7 @@ def evaluate(scene: Path, runs: Path, records: Path | None) -> None:
     started, begun = time.perf_counter(), time.process_time()
     import_module("matplotlib")  # which draws the figures at the end
     with one_line_errors(interrupted="no report was written; run the same command to start again"):
-        for folder in {opened.folder, kept[0]}:
+        for folder in {opened.folder, place[0]}:
             durable.require_writable(folder)
         with ProgressLine() as line:
             evaluation = run(surrogate, opened.catalog, progress=line.count)
@@ -62,7 +62,7 @@ def evaluate(scene: Path, runs: Path, records: Path | None) -> None:
             *judged,
             dataset_seconds=seconds,
         )
-        save_report(kept[0], surrogate, opened.settings, report, time.process_time() - begun)
+        save_report(place[0], surrogate, opened.settings, report, time.process_time() - begun)
     for text in _summary(report):
         click.echo(f"  {text}")
     click.echo(f"{page} ({time.perf_counter() - started:.0f} s)")

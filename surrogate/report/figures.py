@@ -40,13 +40,13 @@ def draw(directory: Path, surrogate: Surrogate, catalog: Catalog, evaluation: Ev
         "Error by parameter": ("parameters.png", partial(_parameters, evaluation, surrogate.space)),
         "Spread over images": ("spread.png", partial(_spread, evaluation)),
     }
-    drawn = {}
+    files = {}
     for title, (name, plot) in plots.items():
         figure = Figure(figsize=(9.0, 4.2), layout="constrained")
         if plot(figure):
             figure.savefig(directory / name, dpi=RESOLUTION)
-            drawn[title] = name
-    return drawn
+            files[title] = name
+    return files
 
 
 def _sheet(

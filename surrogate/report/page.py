@@ -114,8 +114,8 @@ def _without_baselines(record: Mapping[str, Any]) -> str:
 def _costs(record: Mapping[str, Any]) -> str:
     seconds, settings = record["seconds"], record["settings"]
     stages = ["canonical", "deformation", *("visualization" for _ in record["variations"])]
-    known = seconds.get("train_processor")
-    processor = "" if known is None else f" ({number(known, 0)} s of all cores together)"
+    cost = seconds.get("train_processor")
+    processor = "" if cost is None else f" ({number(cost, 0)} s of all cores together)"
     steps = " + ".join(str(settings[f"{stage}_steps"]) for stage in stages)
     return table(
         ("", ""),

@@ -39,6 +39,6 @@ def load_report(records: Path, seed: int) -> Record | None:
 
 def is_kept(records: Path, seed: int, mark: str, trained_by: str) -> bool:
     """True if all figures of a report are stored for a seed's model of this fingerprint, trained by this code."""
-    known = load_report(records, seed)
-    whole = known is not None and set(EVERY_FIGURE) <= set(known.values)
-    return known is not None and whole and known.agrees({"mark": mark}) and known.provenance.code == trained_by
+    record = load_report(records, seed)
+    whole = record is not None and set(EVERY_FIGURE) <= set(record.values)
+    return record is not None and whole and record.agrees({"mark": mark}) and record.provenance.code == trained_by

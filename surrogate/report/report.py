@@ -24,8 +24,8 @@ RECORD = "report.json"
 
 def is_current(directory: Path, surrogate: Surrogate) -> bool:
     """True if `directory` holds a report of exactly this surrogate with all metrics that can be computed here."""
-    stored = (read_json(directory / RECORD) or {}).get("fingerprint")
-    return bool(stored == fingerprint(surrogate, PerceptualMetrics.load().unavailable))
+    mark = (read_json(directory / RECORD) or {}).get("fingerprint")
+    return bool(mark == fingerprint(surrogate, PerceptualMetrics.load().unavailable))
 
 
 def write_report(

@@ -31,13 +31,15 @@ def draw_sheet(figure: Any, title: str, images: Mapping[str, Scored], surrogate:
     figure.set_size_inches(WIDTH_INCHES, ROW_INCHES * len(images) + 0.5)
     grid = figure.subplots(len(images), 5, squeeze=False)
     spaces = surrogate.space, *(v.variation.space for v in surrogate.visualizations)
-    known = {p.name: p for space in spaces for p in space.parameters}
+    parameters = {p.name: p for space in spaces for p in space.parameters}
     for axes, (name, scored) in zip(grid, images.items(), strict=True):
         case, background = scored.target, catalog.plan.background
-        stored = catalog.image(case.member, case.appearance, case.view)
-        drawn = surrogate.at(case.parameters).render(case.camera, background=background)
+        truth = catalog.image(case.member, case.appearance, case.view)
+        prediction = surrogate.at(case.parameters).render(case.camera, background=background)
         _draw_row(
-            axes, _place(case.parameters, known), *(composite(image, background or WHITE) for image in (stored, drawn))
+            axes,
+            _place(case.parameters, parameters),
+            *(composite(image, background or WHITE) for image in (truth, prediction)),
         )
         axes[0].set_ylabel(f"{name}: {scored.score.psnr:.1f} dB\nview {case.view}", fontsize=9)
     figure.suptitle(title, fontsize=11)
@@ -71,9 +73,9 @@ def worst_window(truth: NDArray[np.float32], prediction: NDArray[np.float32]) ->
     return int(top), int(left), size
 
 
-def _place(parameters: Mapping[str, float | str], known: Mapping[str, Parameter]) -> str:
+def _place(parameters: Mapping[str, float | str], by_name: Mapping[str, Parameter]) -> str:
     values = {
-        name: value if isinstance(value, str) else f"{known[name].text(value, 4)} {known[name].unit}".rstrip()
+        name: value if isinstance(value, str) else f"{by_name[name].text(value, 4)} {by_name[name].unit}".rstrip()
         for name, value in parameters.items()
     }
     at = [f"{name} = {value}" for name, value in values.items()]

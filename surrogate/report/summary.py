@@ -68,8 +68,8 @@ def summarize(
 def _scores(part: Evaluation | VariedEvaluation, *more: str) -> dict[str, Any]:
     """Quality and speed, by the metrics of every report and `more`."""
     return {
-        "milliseconds": {name: taken.median for name, taken in part.milliseconds.items()},
-        "milliseconds_spread": {name: [taken.lowest, taken.highest] for name, taken in part.milliseconds.items()},
+        "milliseconds": {name: timing.median for name, timing in part.milliseconds.items()},
+        "milliseconds_spread": {name: [timing.lowest, timing.highest] for name, timing in part.milliseconds.items()},
         **cell_tables(part.cells, (*ALL_METRICS, *more)),
         "perceptual_images": each_cell(part.cells, lambda scored: sum(s.perceptual is not None for s in scored)),
         "validation": {**means(part.validation, (*METRICS, *more)), "images": len(part.validation)},
@@ -112,7 +112,7 @@ def _setting_baseline(baseline: Baseline, evaluation: VariedEvaluation) -> dict[
     same = {column: [own[s.target] for s in scored] for column, scored in scores.items()}
     return {
         "name": baseline.name,
-        "settings_shown": {column: list(span) for column, span in baseline.shown.items()},
+        "settings_shown": {column: list(span) for column, span in baseline.settings.items()},
         "images": {column: len(scored) for column, scored in scores.items()},
         "lead": {c: lead(mean(same[c], "psnr"), mean(scored, "psnr")) for c, scored in scores.items()},
         **{m: {column: mean(scored, m) for column, scored in scores.items()} for m in METRICS},
@@ -120,14 +120,14 @@ def _setting_baseline(baseline: Baseline, evaluation: VariedEvaluation) -> dict[
 
 
 def _setting(setting: VariationSetting, evaluation: VariedEvaluation) -> dict[str, Any]:
-    shown = [s for s in evaluation.scored if s.target.appearance == setting.appearance]
-    by_column = {c: [s for s in shown if s.target.member.split in splits] for c, splits in PARAMETERS.items()}
+    scores = [s for s in evaluation.scored if s.target.appearance == setting.appearance]
+    by_column = {c: [s for s in scores if s.target.member.split in splits] for c, splits in PARAMETERS.items()}
     return {
         "name": setting.appearance,
         "split": setting.split,
         "values": list(setting.values),
         "psnr": {column: mean(scored, "psnr") for column, scored in by_column.items()},
         "worst": {c: min((s.score.psnr for s in scored), default=None) for c, scored in by_column.items()},
-        "covered": mean(shown, "covered"),
+        "covered": mean(scores, "covered"),
         "images": {column: len(scored) for column, scored in by_column.items()},
     }

@@ -41,8 +41,8 @@ def variation_section(record: Mapping[str, Any], unavailable: Iterable[str]) -> 
         baselines = [f"Beside trivial predictors of unseen {names}:", *_baselines(record)]
     else:
         title, judged, baselines = _capital(names), " of validation members", []
-        shown = ", ".join(f"`{setting['name']}`" for setting in record["settings"])
-        text = f"Shown instead of the appearance `{record['base']}`: {shown}.  At unseen views; {deformation}"
+        listed = ", ".join(f"`{setting['name']}`" for setting in record["settings"])
+        text = f"Shown instead of the appearance `{record['base']}`: {listed}.  At unseen views; {deformation}"
         images = {"seen_settings": images["seen_settings"]}
     return [
         f"## {title}",
@@ -110,11 +110,11 @@ def _baselines(record: Mapping[str, Any]) -> list[str]:
     ]
 
 
-def _remark(shown: Mapping[str, Sequence[int]], trained: int) -> str:
+def _remark(counts: Mapping[str, Sequence[int]], trained: int) -> str:
     """A sentence about members that show only a part of the trained settings."""
     parts = [
         f"{column.replace('_', ' ')}: from {fewest if fewest == most else f'{fewest} to {most}'} of {trained}"
-        for column, (fewest, most) in shown.items()
+        for column, (fewest, most) in counts.items()
         if fewest < trained
     ]
     return f" ({'; '.join(parts)})" if parts else ""

@@ -55,7 +55,7 @@ class _Splat(torch.autograd.Function):
         *tensors, view = inputs
         ctx.save_for_backward(*tensors)  # so that torch refuses a backward pass after an in-place change
         ctx.view, ctx.threads = view, view.threads or cores()
-        ctx.drawing = _drawn([_array(tensor) for tensor in tensors], view, ctx.threads)
+        ctx.drawing = _drawing([_array(tensor) for tensor in tensors], view, ctx.threads)
         return torch.from_numpy(ctx.drawing.picture)
 
     @staticmethod
@@ -64,7 +64,7 @@ class _Splat(torch.autograd.Function):
         return *(torch.from_numpy(a).to(t.dtype) for a, t in zip(arrays, ctx.saved_tensors, strict=True)), None
 
 
-def _drawn(arrays: list[NDArray[np.float32]], view: _View, threads: int) -> Any:
+def _drawing(arrays: list[NDArray[np.float32]], view: _View, threads: int) -> Any:
     camera, c = view.camera, view.constants
     intrinsics, size = (camera.fx, camera.fy, camera.cx, camera.cy), (camera.width, camera.height)
     constants = [getattr(c, name) for name in Constants.__annotations__]  # class variables among them

@@ -79,7 +79,7 @@ def render(primitives: Primitives, camera: Camera, constants: Constants) -> Rend
             nothing + means.new_zeros(camera.height, camera.width, 3),
             nothing + means.new_zeros(camera.height, camera.width),
         )
-    drawn, alpha, _ = rasterization(
+    color, alpha, _ = rasterization(
         means=means.float(),
         quats=_unit(quats.float()),
         scales=scales.float(),
@@ -97,7 +97,7 @@ def render(primitives: Primitives, camera: Camera, constants: Constants) -> Rend
         render_mode="RGB",
         rasterize_mode="classic",
     )
-    return Rendering(drawn[0], alpha[0, ..., 0])
+    return Rendering(color[0], alpha[0, ..., 0])
 
 
 def _gsplat() -> Any:

@@ -61,9 +61,9 @@ def project(primitives: Primitives, camera: Camera, constants: Constants) -> Spl
     rotation = torch.as_tensor(camera.rotation.copy()).to(means)  # [3, 3]
     translation = torch.as_tensor(camera.world_to_camera[:3, 3].copy()).to(means)  # [3]
     local = means @ rotation.T + translation  # [N, 3]
-    drawn = ((local[:, 2] > constants.near) & (opacities > constants.alpha_floor)).nonzero()[:, 0]  # [M]
-    drawn = drawn[torch.argsort(local[drawn, 2].detach().float(), stable=True)]
-    local, scales, quats = local[drawn], scales[drawn], quats[drawn]
+    visible = ((local[:, 2] > constants.near) & (opacities > constants.alpha_floor)).nonzero()[:, 0]  # [M]
+    visible = visible[torch.argsort(local[visible, 2].detach().float(), stable=True)]
+    local, scales, quats = local[visible], scales[visible], quats[visible]
     depths = local[:, 2:]  # [M, 1]
     ratios = local[:, :2] / depths  # [M, 2]
     focal = means.new_tensor([camera.fx, camera.fy])  # [2]
@@ -75,7 +75,7 @@ def project(primitives: Primitives, camera: Camera, constants: Constants) -> Spl
         [torch.diag_embed(focal / depths), (-focal * limited / depths)[..., None]], dim=2
     )  # [M, 2, 3]
     axes = jacobians @ rotation @ rotations(quats) * scales[:, None, :]  # [M, 2, 3]
-    return Splats(ratios * focal + principal, axes, opacities[drawn], colors[drawn], constants.dilation)
+    return Splats(ratios * focal + principal, axes, opacities[visible], colors[visible], constants.dilation)
 
 
 def rotations(quats: Tensor) -> Tensor:

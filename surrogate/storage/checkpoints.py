@@ -98,7 +98,7 @@ def fingerprint(settings: TrainingSettings, catalog: Catalog) -> str:
         {
             **({"carried": "values"} if carried else {}),
             "settings": {**FORMER, **{k: v for k, v in settings.to_json().items() if k not in TIMING_ONLY}},
-            **_shown(catalog, appearance, learnt, sizes=True),
+            **_identity_of_data(catalog, appearance, learnt, sizes=True),
         }
     )
 
@@ -111,18 +111,20 @@ def fingerprint_of_scene(catalog: Catalog) -> str:
     """
     appearance = catalog.plan.appearances[0].name
     varied = [v for v in catalog.plan.variations if v.base == appearance]
-    return _digest(_rounded(_shown(catalog, appearance, varied, sizes=False)))
+    return _digest(_rounded(_identity_of_data(catalog, appearance, varied, sizes=False)))
 
 
-def _shown(catalog: Catalog, appearance: str, variations: Sequence[Variation], *, sizes: bool) -> dict[str, Any]:
+def _identity_of_data(
+    catalog: Catalog, appearance: str, variations: Sequence[Variation], *, sizes: bool
+) -> dict[str, Any]:
     """A catalog's plan, as far as it matters to an appearance and its variations, and its members."""
     plan = catalog.plan
-    shown = [appearance, *(s.appearance for v in variations for s in v.settings)]
+    names = [appearance, *(s.appearance for v in variations for s in v.settings)]
     return {
         "plan": {k: v for k, v in plan.to_json().items() if k not in NOT_LEARNT},
         "variations": [v.to_json() for v in variations],
-        "appearances": [appearance_to_json(a) for a in plan.appearances if a.name in set(shown)],
-        "members": [_identity(catalog, member, shown if sizes else ()) for member in catalog.members],
+        "appearances": [appearance_to_json(a) for a in plan.appearances if a.name in set(names)],
+        "members": [_identity(catalog, member, names if sizes else ()) for member in catalog.members],
     }
 
 
@@ -147,9 +149,9 @@ def _rounded_matrix(rows: Any) -> Any:
     return [_rounded(scale), (np.round(matrix / scale, 9) + 0.0).tolist()]  # -0 is 0 too
 
 
-def _identity(catalog: Catalog, member: Member, shown: Sequence[str]) -> dict[str, Any]:
+def _identity(catalog: Catalog, member: Member, appearances: Sequence[str]) -> dict[str, Any]:
     """All that identifies a member's images without reading them."""
-    names, views = [a for a in shown if a in member.appearances], range(len(member.cameras))
+    names, views = [a for a in appearances if a in member.appearances], range(len(member.cameras))
     own = member.cameras is not catalog.plan.cameras
     return {
         "name": member.name,

@@ -115,7 +115,7 @@ def load(directory: str | os.PathLike[str], make: Callable[[StoredModel], Model]
                 raise ValueError(f"file must be {TENSORS!r}, which lies beside it, got {record['tensors']!r}")
         with part(TENSORS), opened_inside(directory, TENSORS, MOST_BYTES) as (file, size):
             content = read_tensors(file, size)
-        return _made(content, record, make)
+        return _model_of(content, record, make)
 
 
 def _absence(directory: Path) -> str:
@@ -131,7 +131,7 @@ def of_contents(content: bytes, record: bytes, make: Callable[[StoredModel], Mod
     with damaged("a surrogate in bytes"):
         with part("the record"):
             values = _record(record)
-        return _made(content, values, make)
+        return _model_of(content, values, make)
 
 
 class _DamageError(ValueError):
@@ -182,16 +182,16 @@ def _record(text: bytes) -> dict[str, Any]:
     return record
 
 
-def _made(content: bytes, record: Mapping[str, Any], make: Callable[[StoredModel], Model]) -> Model:
+def _model_of(content: bytes, record: Mapping[str, Any], make: Callable[[StoredModel], Model]) -> Model:
     with part(TENSORS):
         if hashlib.sha256(content).hexdigest() != record["tensors"].get("sha256"):
             raise ValueError("it does not belong to the record, or is not whole: copy both again, or train anew")
-        stored = tensors_of(content)
+        encoded = tensors_of(content)
     with part("encodings"):
         forms = record["encodings"]
         if not isinstance(forms, dict):
             raise ValueError(f"they must be formats by the names of tensors, got {forms!r}")
-        tensors, encodings = _decoded(stored, forms)
+        tensors, encodings = _decoded(encoded, forms)
     for name, tensor in tensors.items():
         with part(f"tensor {name!r}"):
             if tensor.dtype != torch.float32:
@@ -202,11 +202,11 @@ def _made(content: bytes, record: Mapping[str, Any], make: Callable[[StoredModel
         return make(StoredModel(tensors, record, encodings))
 
 
-def _decoded(stored: Mapping[str, Tensor], forms: Mapping[str, str]) -> tuple[dict[str, Tensor], dict[str, Encoding]]:
+def _decoded(encoded: Mapping[str, Tensor], forms: Mapping[str, str]) -> tuple[dict[str, Tensor], dict[str, Encoding]]:
     """The tensors of a file in float32, and the encodings of those that `forms` names."""
     parts: dict[str, dict[str, Tensor]] = {name: {} for name in forms}
     tensors = {}
-    for key, tensor in stored.items():
+    for key, tensor in encoded.items():
         name, separator, of = key.partition(SEPARATOR)
         if separator:
             parts[name][of] = tensor

@@ -46,8 +46,8 @@ class Provenance:
     @classmethod
     def now(cls, processor_seconds: float | None = None, *also: str) -> Provenance:
         """This code on this machine, at this moment; `also` names modules that decide the result beside training and evaluation."""
-        made = datetime.now(UTC).isoformat(timespec="seconds")
-        return cls(commit(), code(*also), machine(), made, processor_seconds)
+        moment = datetime.now(UTC).isoformat(timespec="seconds")
+        return cls(commit(), code(*also), machine(), moment, processor_seconds)
 
 
 @dataclass(frozen=True)

@@ -56,12 +56,12 @@ class RunRecord:
 
     def save(self, folder: Path) -> None:
         """Write `run.json` into the run's folder, at once and whole."""
-        made = {"commit": commit(), "machine": machine(), "at": datetime.now(UTC).isoformat(timespec="seconds")}
+        origin = {"commit": commit(), "machine": machine(), "at": datetime.now(UTC).isoformat(timespec="seconds")}
         values = {
             "schema": SCHEMA,
             **vars(self),
             "splits": None if self.splits is None else self.splits.to_json(),
-            "made": dict(self.made) or made,
+            "made": dict(self.made) or origin,
         }
         write_json(folder / RECORD, values)
 
@@ -146,9 +146,9 @@ class RunFolder:
         """
         if self.missing:
             raise CatalogError(self.missing)
-        return self._seen()
+        return self._catalog_of_run()
 
-    def _seen(self) -> Catalog:
+    def _catalog_of_run(self) -> Catalog:
         """The catalog that lies where the run's was."""
         catalog = Catalog.open(self.catalog_path)
         splits = None if self.record is None else self.record.splits
@@ -159,7 +159,7 @@ class RunFolder:
         if self.record is None or self.record.splits is None:
             return True
         try:
-            return fingerprint(self.settings, self._seen()) == self.record.fingerprint
+            return fingerprint(self.settings, self._catalog_of_run()) == self.record.fingerprint
         except (OSError, ValueError):
             return True
 
@@ -170,10 +170,10 @@ class RunFolder:
             place, settings = self.folder / RECORD, self.record.settings
         else:
             place = self.model / models.RECORD
-            stored = read_json(place)
-            if stored is None:
+            record = read_json(place)
+            if record is None:
                 raise FileNotFoundError(f"{self.folder} has no trained surrogate yet")
-            settings = (stored.get("training") or {}).get("settings") or {}
+            settings = (record.get("training") or {}).get("settings") or {}
         try:
             return TrainingSettings.from_record(settings)
         except (TypeError, ValueError) as error:
@@ -195,17 +195,21 @@ def with_chosen_splits(
 
     A finished run in `folder` whose dumps an earlier version held out, whatever their runs, keeps its splits.
     """
-    shown = settings.appearance or catalog.appearance_names[0]
-    if shown not in catalog.appearance_names:
+    appearance = settings.appearance or catalog.appearance_names[0]
+    if appearance not in catalog.appearance_names:
         return catalog  # whoever learns it says so
     record = RunRecord.load(folder) if folder is not None else None
     rules = (True, False) if record is not None else (True,)
     members, space = catalog.members, catalog.plan.space
     candidates = [
-        catalog.with_splits(choose_splits(members, space, shown, hold_out=hold_out, seed=seed, whole_runs=rule))
+        catalog.with_splits(choose_splits(members, space, appearance, hold_out=hold_out, seed=seed, whole_runs=rule))
         for rule in rules
     ]
-    same = (seen for seen in candidates if record is not None and fingerprint(settings, seen) == record.fingerprint)
+    same = (
+        candidate
+        for candidate in candidates
+        if record is not None and fingerprint(settings, candidate) == record.fingerprint
+    )
     return next(same, candidates[0])
 
 

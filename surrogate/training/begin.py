@@ -92,27 +92,27 @@ def begin(
     if existing is not None:
         return RunFolder(folder, existing)
     first = TrainingSettings.from_table(options.settings)
-    seen = with_chosen_splits(catalog, first, options.hold_out, first.seed)
-    require_possible(Source(first, seen, ranks), folder)
+    own_catalog = with_chosen_splits(catalog, first, options.hold_out, first.seed)
+    require_possible(Source(first, own_catalog, ranks), folder)
     ranks.by_first(lambda: durable.make_folder(folder))
     try:
         with ExitStack() as locks:
             ranks.by_first(lambda: locks.enter_context(locked(folder)))
-            settings, chosen = budgeted(options.settings, seen, options.whole_budget, elapsed, ranks)
+            settings, chosen = budgeted(options.settings, own_catalog, options.whole_budget, elapsed, ranks)
             record = RunRecord(
                 path_between(folder, path),
                 settings.to_json(),
-                seen.splits,
-                fingerprint(settings, seen),
+                own_catalog.splits,
+                fingerprint(settings, own_catalog),
                 options.to_json(),
                 chosen,
             )
-            made = ranks.by_first(lambda: _saved(record, folder))
+            saved = ranks.by_first(lambda: _saved(record, folder))
     except BaseException:
         if ranks.is_first:
             _remove_empty(folder)
         raise
-    return RunFolder(folder, made)
+    return RunFolder(folder, saved)
 
 
 def _saved(record: RunRecord, folder: Path) -> RunRecord | None:
@@ -162,8 +162,8 @@ def _matching(run: RunFolder, catalog: Catalog, options: TrainingOptions) -> Run
             "folder"
         )
     if run.missing or not catalog.path.samefile(run.catalog_path):
-        seen = None if run.record.splits is None else seen_by_run(catalog, run.record.splits)
-        if fingerprint(run.settings, seen or catalog) != run.record.fingerprint:
+        own_catalog = None if run.record.splits is None else seen_by_run(catalog, run.record.splits)
+        if fingerprint(run.settings, own_catalog or catalog) != run.record.fingerprint:
             raise ValueError(
                 f"{run.folder} is a run of {run.catalog_path}, not of {catalog.path}: -o names another folder"
             )

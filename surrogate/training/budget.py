@@ -72,13 +72,13 @@ class Budget:
 
 
 def budgeted(
-    given: Mapping[str, Any],
+    table: Mapping[str, Any],
     catalog: Catalog,
     budget: Budget,
     elapsed: Clock | None = None,
     ranks: Ranks = ALONE,
 ) -> tuple[TrainingSettings, dict[str, Any]]:
-    """The settings that a budget and the keys that are `given` lead to, and what they were chosen from.
+    """The settings that a budget and the keys of a `table` lead to, and what they were chosen from.
 
     `elapsed` says how many seconds of the budget's minutes are spent, on the clock that they are counted with: the wall's from now
     on, where there is none.  A budget in steps leads to the same settings on every machine.  Several processes, `ranks`, measure
@@ -86,18 +86,18 @@ def budgeted(
 
     Raises ValueError where keys are given that the budget decides on, or the time is too short.
     """
-    settings = TrainingSettings.from_table(given)
+    settings = TrainingSettings.from_table(table)
     source = Source(settings, catalog, ranks)
     if budget.minutes is None and budget.steps is None:
         return settings, {}
-    decided = [key for key in STEP_KEYS if given.get(key)]
+    decided = [key for key in STEP_KEYS if table.get(key)]
     if decided:
         raise ValueError(f"a budget decides on the steps of training: leave out {', '.join(decided)}, or the budget")
     if budget.steps is not None:
         rows = _rows(source)[0]
-        chosen = _sized(given, source, _worth(source, rows), budget.steps)
+        chosen = _sized(table, source, _worth(source, rows), budget.steps)
         return chosen, {"gaussians": chosen.gaussians, "steps": budget.steps}
-    return _in_time(given, source, 60.0 * float(budget.minutes or 0.0), elapsed or _since_now())
+    return _in_time(table, source, 60.0 * float(budget.minutes or 0.0), elapsed or _since_now())
 
 
 def _since_now() -> Clock:
@@ -153,25 +153,25 @@ def _rounded(count: float) -> int:
     return min(LARGEST, max(SMALLEST, round(count / digits) * digits))
 
 
-def _sized(given: Mapping[str, Any], source: Source, worth: Worth, steps: int) -> TrainingSettings:
+def _sized(table: Mapping[str, Any], source: Source, worth: Worth, steps: int) -> TrainingSettings:
     """The given settings with `steps` over all stages, and with those that follow where they are not given."""
     stages = 1 + len(source.variations)
     each = max(1, steps // stages)
-    seen, moving = (
+    visible, moving = (
         each * source.settings.batch,
         each * math.sqrt(source.settings.batch),
     )  # images; steps at the usual rates
-    joint = source.field is not None or given.get("canonical_steps") == 0
+    joint = source.field is not None or table.get("canonical_steps") == 0
     canonical = 0 if joint else min(MOST_CANONICAL, round(CANONICAL_SHARE * each))
     follows = {
         **_design(source, worth),
-        "gaussians": worth.gaussians(seen),
+        "gaussians": worth.gaussians(visible),
         "validation_interval": min(MOST_BETWEEN, max(1, steps // VALIDATIONS)),
         **_calm_rates(moving),
     }
     lengths = {"canonical_steps": canonical, "deformation_steps": each - canonical}
     of_variations = {"visualization_steps": each} if stages > 1 else {}
-    return TrainingSettings.from_table({**follows, **given, **lengths, **of_variations})
+    return TrainingSettings.from_table({**follows, **table, **lengths, **of_variations})
 
 
 @dataclass(frozen=True)
@@ -182,41 +182,41 @@ class _Plan:
     ----------
     is_compressed : whether there is time for the choices of compression.
     steps : over all stages.
-    asked : settings of a number of steps, with as many Gaussians as these are worth.
+    wanted : settings of a number of steps, with as many Gaussians as these are worth.
     """
 
     tried: TrainingSettings
     pace: Pace
     is_compressed: bool
     steps: int
-    asked: TrainingSettings
+    wanted: TrainingSettings
 
     @property
     def growth(self) -> float:
         """Of the Gaussians that were tried, to as many as the steps are worth."""
-        return self.asked.gaussians / self.tried.gaussians
+        return self.wanted.gaussians / self.tried.gaussians
 
     @property
     def nearer(self) -> TrainingSettings:
         """The next settings to try: fewer Gaussians are faster; more leave fewer steps, which are then worth fewer Gaussians."""
         growth = min(self.growth, self.growth**BALANCED)
-        return self.asked.changed(gaussians=_rounded(self.tried.gaussians * growth))
+        return self.wanted.changed(gaussians=_rounded(self.tried.gaussians * growth))
 
     @property
     def settled(self) -> TrainingSettings:
-        """The steps of `asked` with the Gaussians of `tried`."""
-        return self.asked.changed(gaussians=self.tried.gaussians)
+        """The steps of `wanted` with the Gaussians of `tried`."""
+        return self.wanted.changed(gaussians=self.tried.gaussians)
 
 
 def _in_time(
-    given: Mapping[str, Any], source: Source, seconds: float, elapsed: Clock
+    table: Mapping[str, Any], source: Source, seconds: float, elapsed: Clock
 ) -> tuple[TrainingSettings, dict[str, Any]]:
     rows = _rows(source)
     images, worth = sum(map(len, rows)), _worth(source, rows[0])
     choosing = source.settings.fit_to_need and bool(validation_rows(source.catalog, [source.appearance], 1))
 
     def planned(tried: TrainingSettings, lasting: float = 0.0) -> _Plan:
-        slowest = Source(_slowest(tried, source.shown), source.catalog, source.ranks)
+        slowest = Source(_slowest(tried, source.target), source.catalog, source.ranks)
         pace = measure_pace(slowest, rows, elapsed, lasting)
         left = seconds - source.ranks.agreed(elapsed()) - SPARE - pace.load * images
         compressing = choosing and PICTURES * pace.draw <= LARGEST_SHARE * left
@@ -224,10 +224,10 @@ def _in_time(
         steps = int((left - PICTURES * pace.draw * compressing) / (pace.mean_step * (1.0 + overhead / len(rows))))
         if steps < FEWEST_STEPS * len(rows):
             raise ValueError(_too_short(seconds, seconds - left - SPARE - pace.load * images, images, len(rows), pace))
-        choices = given if compressing or not choosing else {"fit_to_need": False, **given}
+        choices = table if compressing or not choosing else {"fit_to_need": False, **table}
         return _Plan(tried, pace, compressing, steps, _sized(choices, source, worth, steps))
 
-    plan = planned(TrainingSettings.from_table({"gaussians": worth.gaussians(), **_design(source, worth), **given}))
+    plan = planned(TrainingSettings.from_table({"gaussians": worth.gaussians(), **_design(source, worth), **table}))
     if plan.growth > 1.0:
         plan = planned(plan.nearer)
     while plan.growth < 1.0:
@@ -257,12 +257,12 @@ def _too_short(seconds: float, spent: float, images: int, stages: int, pace: Pac
     )
 
 
-def _slowest(settings: TrainingSettings, shown: Appearance) -> TrainingSettings:
+def _slowest(settings: TrainingSettings, appearance: Appearance) -> TrainingSettings:
     """With colours that depend on the direction, which take longer, where only training finds out whether they do.
 
     Foreign pictures of nyx took 354 of 300 seconds when steps were planned without.
     """
-    unlit = isinstance(shown, VolumeRendering) and not shown.shaded
+    unlit = isinstance(appearance, VolumeRendering) and not appearance.shaded
     return settings if settings.color_degree != "auto" or unlit else settings.changed(color_degree=1)
 
 
@@ -286,5 +286,5 @@ def _calm_rates(steps: float) -> dict[str, Any]:
 
 def _rows(source: Source) -> list[list[ImageRow]]:
     """The training images of the base appearance, and of each variation."""
-    shown = [[source.appearance], *([s.appearance for s in v.settings] for v in source.variations)]
-    return [training_rows(source.catalog, names) for names in shown]
+    names_by_stage = [[source.appearance], *([s.appearance for s in v.settings] for v in source.variations)]
+    return [training_rows(source.catalog, names) for names in names_by_stage]

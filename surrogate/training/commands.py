@@ -48,7 +48,7 @@ if TYPE_CHECKING:
 )
 @RUNS
 def train(
-    source: Path, settings: tuple[str, ...], output: Path | None, file: Path | None, runs: Path, **asked: Any
+    source: Path, settings: tuple[str, ...], output: Path | None, file: Path | None, runs: Path, **options: Any
 ) -> None:
     """Train a surrogate from a CATALOG (NAME.cdb), as a SCENE (FILE.toml) says, or go on with a RUN (its folder).
 
@@ -59,9 +59,9 @@ def train(
     each drawing its share of a step's pictures.
     """
     kind = kind_of(source)
-    given = {f"--{name.replace('_', '-')}": value for name, value in asked.items()}
-    given |= {"--output": output, "--settings": file, "KEY=VALUE": settings or None}
-    wrong = [name for name, value in given.items() if value is not None]
+    every = {f"--{name.replace('_', '-')}": value for name, value in options.items()}
+    every |= {"--output": output, "--settings": file, "KEY=VALUE": settings or None}
+    wrong = [name for name, value in every.items() if value is not None]
     if kind != "catalog" and wrong:
         raise click.ClickException(
             f"{', '.join(wrong)}: for a catalog only; {source} is a {kind}, which says all of this itself"
@@ -71,7 +71,7 @@ def train(
     resumed = "what was trained is stored; run the same command to resume"
     with one_line_errors(RuntimeError, interrupted=resumed), launched() as ranks:
         if kind == "catalog":
-            run = _begun(source, output or runs / source.resolve().stem, settings, file, ranks, **asked)
+            run = _begun(source, output or runs / source.resolve().stem, settings, file, ranks, **options)
             opened = OpenRun.of_run(run)
         else:
             opened = OpenRun.open(source, runs)
@@ -79,7 +79,7 @@ def train(
 
 
 def _begun(
-    source: Path, folder: Path, words: tuple[str, ...], file: Path | None, ranks: Ranks, **asked: Any
+    source: Path, folder: Path, words: tuple[str, ...], file: Path | None, ranks: Ranks, **options: Any
 ) -> RunFolder:
     """The run of a catalog, begun or found; says what was chosen for it."""
     from surrogate.settings import values_of_words
@@ -90,8 +90,8 @@ def _begun(
 
     chosen = {} if file is None else read_settings(file)
     chosen |= values_of_words(words)
-    chosen |= {name: asked[name] for name in ("appearance", "seed") if asked[name] is not None}
-    wanted = TrainingOptions(Budget(asked["minutes"], asked["steps"]), asked["hold_out"], chosen)
+    chosen |= {name: options[name] for name in ("appearance", "seed") if options[name] is not None}
+    wanted = TrainingOptions(Budget(options["minutes"], options["steps"]), options["hold_out"], chosen)
     is_told = ranks.is_first and not (folder / RECORD).is_file()
     with ProgressLine() as line:
         if is_told:

@@ -75,16 +75,16 @@ def changing_share(source: Source, rows: Sequence[ImageRow]) -> float:
     It is the share of the variance of colours, over members and the pixels that show something in any of them, which the mean over
     members leaves.  Mean over some cameras that see several members; 1 where there are none.
     """
-    found = [_unexplained(pictures, source) for pictures in _by_camera(source, rows)]
-    return statistics.fmean(found) if found else 1.0
+    shares = [_unexplained(pictures, source) for pictures in _by_camera(source, rows)]
+    return statistics.fmean(shares) if shares else 1.0
 
 
 def _unexplained(examples: Sequence[Example], source: Source) -> float:
     colors = np.stack([example.compared()[..., :3] for example in examples]).astype(np.float64)  # [M, H, W, 3]
-    seen = np.any([_shows(example.pixels, source) for example in examples], axis=0)  # [H, W]
-    shown = colors[:, seen]  # [M, V, 3]
-    whole = float(((shown - shown.mean(axis=(0, 1))) ** 2).sum()) if shown.size else 0.0
-    return float(((shown - shown.mean(axis=0)) ** 2).sum()) / whole if whole else 0.0
+    visible = np.any([_shows(example.pixels, source) for example in examples], axis=0)  # [H, W]
+    pixels = colors[:, visible]  # [M, V, 3]
+    whole = float(((pixels - pixels.mean(axis=(0, 1))) ** 2).sum()) if pixels.size else 0.0
+    return float(((pixels - pixels.mean(axis=0)) ** 2).sum()) / whole if whole else 0.0
 
 
 def _by_camera(source: Source, rows: Sequence[ImageRow]) -> list[list[Example]]:

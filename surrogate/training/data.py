@@ -86,8 +86,8 @@ class TrainingData:
     def with_base(self, base: TrainingData, count: int) -> TrainingData:
         """The same and the images of the `base` appearance, where all `count` visualization parameters are zero."""
         still = torch.zeros(count)
-        shown = [replace(e, parameters=torch.cat([e.parameters, still])) for e in base.examples]
-        return replace(self, examples=[*self.examples, *shown])
+        examples = [replace(e, parameters=torch.cat([e.parameters, still])) for e in base.examples]
+        return replace(self, examples=[*self.examples, *examples])
 
 
 def rows(catalog: Catalog, appearances: Sequence[str]) -> list[ImageRow]:
@@ -166,8 +166,8 @@ def foreground_color(examples: Iterable[Example], background: Sequence[float] | 
         if background is None:
             total, weight = total + pixels[:, :3].sum(0), weight + pixels[:, 3].sum()
         else:
-            shown = np.abs(pixels - np.asarray(background)).max(1) > 2.0 / 255.0
-            total, weight = total + pixels[shown].sum(0), weight + float(shown.sum())
+            visible = np.abs(pixels - np.asarray(background)).max(1) > 2.0 / 255.0
+            total, weight = total + pixels[visible].sum(0), weight + float(visible.sum())
     return total / weight if weight > 0 else np.full(3, 0.5)
 
 

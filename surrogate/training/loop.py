@@ -100,7 +100,7 @@ class StageRun:
         self._adam.step(math.sqrt(batch) * factor, dict.fromkeys(self.stage.warming, warmth))
         self.step += 1
         if self.stage.per_gaussian:
-            self._relocate(step.shown)
+            self._relocate(step.gaussians)
         value = sum(step.losses.tolist()) / batch
         if not math.isfinite(value):
             raise self._diverged(f"the loss is {value}")
@@ -111,14 +111,14 @@ class StageRun:
         settings, example = self.settings, self.data.examples[item]
         carriers = self.stage.carried_at(example.parameters)
         gaussians = carriers.drawn(self.stage.function_at(example.parameters))
-        picture = self._drawn(gaussians, example)  # [H, W, 4]
+        picture = self._render(gaussians, example)  # [H, W, 4]
         target = torch.from_numpy(example.compared()).to(picture.device)  # [H, W, 3 or 4]
         loss = image_loss(picture, target)
         if self.data.values is not None and self.step % INTERVAL == 0 and isinstance(carriers, FieldGaussians):
             value_loss = self.data.values.loss(carriers, example.member, self.step * settings.batch + place)
             loss = loss + INTERVAL * settings.field_value_weight * value_loss
         step.losses[place] = loss.detach()
-        step.shown.append(gaussians)
+        step.gaussians.append(gaussians)
         (loss / settings.batch).backward()
 
     def _add_up(self, step: _Step) -> None:
@@ -150,11 +150,11 @@ class StageRun:
         example = self.data.examples[self._order[self.step * self.settings.batch]]
         with torch.no_grad():
             gaussians = self.stage.gaussians_at(example.parameters)
-        shown, floor = as_drawn(gaussians), self._rasterizer.constants.alpha_floor
-        problem = first_infinite(self.stage.tensors) or first_infinite(shown) or first_huge(shown, floor)
+        tensors, floor = as_drawn(gaussians), self._rasterizer.constants.alpha_floor
+        problem = first_infinite(self.stage.tensors) or first_infinite(tensors) or first_huge(tensors, floor)
         if problem:
             raise self._diverged(problem)
-        if not is_faint(example, self._background) and not seen(shown, floor).any():
+        if not is_faint(example, self._background) and not is_visible(tensors, floor).any():
             raise self._diverged(f"no Gaussian is seen in a picture of {example.member}")
 
     def _diverged(self, what: str) -> Diverged:
@@ -172,8 +172,8 @@ class StageRun:
         self.require_finite()
         if not self.data.validation:
             return None
-        shown, ranks = self.data.validation, self.data.ranks
-        return mean_psnr(self.stage.gaussians_at, shown, self._rasterizer, self._background, ranks)
+        examples, ranks = self.data.validation, self.data.ranks
+        return mean_psnr(self.stage.gaussians_at, examples, self._rasterizer, self._background, ranks)
 
     def memory(self) -> LoopMemory:
         """The memory with which a run of the same stage, tensors, settings and data goes on."""
@@ -183,7 +183,7 @@ class StageRun:
             tensors |= {f"moments.{which}.{name}": tensor for which, tensor in moments.tensors().items()}
         return LoopMemory(self.step, tensors)
 
-    def _drawn(self, gaussians: Gaussians, example: Example) -> Tensor:
+    def _render(self, gaussians: Gaussians, example: Example) -> Tensor:
         """The picture (H, W, 4) that is compared with an example."""
         try:
             return self._rasterizer.draw_over(gaussians, example.camera, self._background)
@@ -192,11 +192,11 @@ class StageRun:
             raise
 
     @torch.no_grad()
-    def _relocate(self, shown: Sequence[Gaussians]) -> None:
+    def _relocate(self, gaussians_of_images: Sequence[Gaussians]) -> None:
         """Take note of the opacities that were just drawn, and relocate dead Gaussians where that is due."""
         interval, peaks = self.settings.relocation_interval, self._peaks
         peaks.mul_(PEAK_DECAY)
-        for gaussians in shown:
+        for gaussians in gaussians_of_images:
             torch.maximum(peaks, gaussians.opacities(), out=peaks)
         if not interval or self.step % interval or self.step > STOP * self.stage.steps:
             return
@@ -216,12 +216,12 @@ class _Step:
 
     Attributes
     ----------
-    shown : the Gaussians of its own images.
+    gaussians : those of its own images.
     losses : of each image (B,).
     pause, failed : (1,), in how many processes a pause is asked for, and drawing failed.
     """
 
-    shown: list[Gaussians]
+    gaussians: list[Gaussians]
     losses: Tensor
     pause: Tensor
     failed: Tensor
@@ -246,21 +246,23 @@ def first_infinite(tensors: Mapping[str, Tensor]) -> str:
     return ""
 
 
-def seen(shown: Mapping[str, Tensor], floor: float) -> Tensor:
+def is_visible(tensors: Mapping[str, Tensor], floor: float) -> Tensor:
     """Which of the Gaussians `as_drawn` are more opaque than `floor`, and not far away from the box, (N,)."""
-    return (shown["opacities"] > floor) & (shown["means"].abs().amax(dim=1) < FARTHEST + shown["scales"].amax(dim=1))
+    return (tensors["opacities"] > floor) & (
+        tensors["means"].abs().amax(dim=1) < FARTHEST + tensors["scales"].amax(dim=1)
+    )
 
 
-def first_huge(shown: Mapping[str, Tensor], floor: float) -> str:
+def first_huge(tensors: Mapping[str, Tensor], floor: float) -> str:
     """The first scale that no box can need of what is seen, such as "scales[3, 0] is 2e+09 boxes"; "" where there is none.
 
     What is fainter than `floor`, a medium as a ball of the same volume, hardly shows: training may have made it huge, to no harm.
     """
-    huge = (shown["scales"] > LARGEST_SCALE) & seen(shown, floor)[:, None]  # [N, 3]
+    huge = (tensors["scales"] > LARGEST_SCALE) & is_visible(tensors, floor)[:, None]  # [N, 3]
     if not huge.any():
         return ""
     place = huge.nonzero()[0].tolist()
-    return f"scales{place} is {float(shown['scales'][*place]) / 2.0:.2g} boxes"
+    return f"scales{place} is {float(tensors['scales'][*place]) / 2.0:.2g} boxes"
 
 
 def is_faint(example: Example, background: Sequence[float]) -> bool:

@@ -62,10 +62,10 @@ class _ImageLoss(torch.autograd.Function):
     def forward(ctx: Any, *inputs: Any) -> Tensor:
         image, target, ssim_weight, threads = inputs
         kinds = (torch.float32, torch.uint8 if target.dtype == torch.uint8 else torch.float32)
-        shown, wanted = (
+        predicted, wanted = (
             t.detach().to(kind).contiguous().numpy() for t, kind in zip((image, target), kinds, strict=True)
         )
-        difference, similarity, gradient = kernels.image_loss(shown, wanted, ssim_weight, threads)
+        difference, similarity, gradient = kernels.image_loss(predicted, wanted, ssim_weight, threads)
         ctx.gradient = torch.from_numpy(gradient)
         return image.new_tensor(difference + ssim_weight * (1.0 - similarity))
 

@@ -11,7 +11,7 @@ from catalogs.store.catalog import Catalog, CatalogPlan
 from catalogs.store.splits import ordered_names, runs_of, shared_runs
 from catalogs.vocabulary.appearance import Appearance, Isosurface, VolumeRendering, field_of
 from catalogs.vocabulary.variations import Variation
-from catalogs.vocabulary.words import joined_names, shortened
+from catalogs.vocabulary.words import FEWEST_LEARNT, joined_names, shortened
 from surrogate.evaluation.cases import Case, base_cells
 from surrogate.evaluation.predictor import SurrogatePredictor
 from surrogate.evaluation.scoring import mean, score_cases, spread
@@ -22,7 +22,6 @@ from surrogate.training.content import empty_images
 from surrogate.training.source import Source
 
 MOST_SCORED = 40  # test images
-FEW = 4  # training members, below which there is a warning
 EMPTY_SHARE = 0.2  # of the images looked at, from which on there is one
 UNKNOWN = "no member tests it, so nothing is known of unseen parameters"
 HOLD_OUT, FEWEST = "--hold-out 0.2 keeps some aside", 3  # members, of which one may lie between others
@@ -68,11 +67,11 @@ def about(run: RunFolder, surrogate: Surrogate) -> Iterator[str]:
 
 def learnt_line(plan: CatalogPlan, appearance: str, variations: Sequence[Variation]) -> str:
     """Which of a catalog's appearances are learnt, over which parameters, and which are not."""
-    shown = next(a for a in plan.appearances if a.name == appearance)
+    target = next(a for a in plan.appearances if a.name == appearance)
     learnt = {appearance, *(s.appearance for v in variations for s in v.settings)}
     others = [name for name in plan.appearance_names if name not in learnt]
-    label = plan.field_label(field_of(shown))
-    text = f"learns {_kind(shown)} {appearance}{f' of {label}' if label else ''} over {plan.space}"
+    label = plan.field_label(field_of(target))
+    text = f"learns {_kind(target)} {appearance}{f' of {label}' if label else ''} over {plan.space}"
     if variations:
         text += f", and {' and '.join(f'{len(v.settings)} {v.plural}' for v in variations)}"
     return text + (f"; not {shortened(others, 4)}" if others else "")
@@ -114,7 +113,7 @@ def starting(source: Source) -> Iterator[str]:
     catalog, space = source.catalog, source.catalog.plan.space
     members = [m for m in catalog.members if m.split == "train" and source.appearance in m.appearances]
     yield from filter(None, (tests_line(catalog), absent_line(catalog, source.appearance)))
-    if len(members) < FEW and len(space):
+    if len(members) < FEWEST_LEARNT and len(space):
         yield (
             f"{len(members)} member{'s' * (len(members) != 1)} for training: a surrogate of so few can at best blend between them; "
             "render more members, or hold out fewer"
@@ -154,10 +153,10 @@ def tests_line(catalog: Catalog) -> str:
     )
 
 
-def _kind(shown: Appearance) -> str:
-    if isinstance(shown, VolumeRendering):
+def _kind(appearance: Appearance) -> str:
+    if isinstance(appearance, VolumeRendering):
         return "the volume rendering"
-    return "the isosurface" if isinstance(shown, Isosurface) else "the pictures"
+    return "the isosurface" if isinstance(appearance, Isosurface) else "the pictures"
 
 
 def _budget(run: RunFolder) -> str:
@@ -182,6 +181,6 @@ def _score(surrogate: Surrogate, catalog: Catalog) -> str:
         group: list[Case] = list(cells[views][parameters])
         if group:
             some = [group[i] for i in spread(len(group), MOST_SCORED)]
-            [found] = score_cases(SurrogatePredictor(at, catalog.plan.background), catalog, some)
-            return f"PSNR {mean(found.values(), 'psnr'):.2f} dB over {len(some)} test images: {words}"
+            [scores] = score_cases(SurrogatePredictor(at, catalog.plan.background), catalog, some)
+            return f"PSNR {mean(scores.values(), 'psnr'):.2f} dB over {len(some)} test images: {words}"
     return "no image tests it: the catalog has no view and no member that was not learnt from"

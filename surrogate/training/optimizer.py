@@ -111,14 +111,14 @@ def step_rows_reference(
     Corrections multiply the rate (Kingma & Ba 2015, end of section 2).
     """
     by_row = (-1, *[1] * (tensor.ndim - 1))
-    seen = (gradient != 0.0).reshape(len(tensor), math.prod(tensor.shape[1:])).any(dim=1)  # [N]
-    steps.add_(seen)
-    shown, count = seen.view(by_row), steps.double().clamp(min=1.0).view(by_row)
-    first.copy_(torch.where(shown, first.lerp(gradient, 1.0 - DECAY_FIRST), first))
-    second.copy_(torch.where(shown, second.lerp(gradient**2, 1.0 - DECAY_SECOND), second))
+    moving = (gradient != 0.0).reshape(len(tensor), math.prod(tensor.shape[1:])).any(dim=1)  # [N]
+    steps.add_(moving)
+    mask, count = moving.view(by_row), steps.double().clamp(min=1.0).view(by_row)
+    first.copy_(torch.where(mask, first.lerp(gradient, 1.0 - DECAY_FIRST), first))
+    second.copy_(torch.where(mask, second.lerp(gradient**2, 1.0 - DECAY_SECOND), second))
     corrected = rate * (1.0 - DECAY_SECOND**count).sqrt() / (1.0 - DECAY_FIRST**count)
     change = corrected * first / (second.sqrt() + EPSILON)
-    tensor.sub_(torch.where(shown, change, 0.0).to(tensor.dtype))
+    tensor.sub_(torch.where(mask, change, 0.0).to(tensor.dtype))
 
 
 class Adam:

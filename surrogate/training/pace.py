@@ -69,12 +69,12 @@ def measure_pace(
 def _seconds(stage: Stage, settings: TrainingSettings, data: TrainingData, clock: Clock, lasting: float) -> float:
     """Of a step: the median over at least a second and 24 steps, the first few, which are slower, aside."""
     least = max(LEAST_SECONDS, lasting)
-    run, taken = StageRun(replace(stage, steps=MOST_STEPS), settings, data), list[float]()
-    while run.step < MOST_STEPS and data.ranks.agreed(len(taken) < LEAST_STEPS or sum(taken) < least):
+    run, durations = StageRun(replace(stage, steps=MOST_STEPS), settings, data), list[float]()
+    while run.step < MOST_STEPS and data.ranks.agreed(len(durations) < LEAST_STEPS or sum(durations) < least):
         started = clock()
         run.advance()
-        taken.append(clock() - started)
-    return statistics.median(taken[LEAST_STEPS // 4 :])
+        durations.append(clock() - started)
+    return statistics.median(durations[LEAST_STEPS // 4 :])
 
 
 def _seconds_to_draw(fitted: FittedGaussians, settings: TrainingSettings, data: TrainingData, clock: Clock) -> float:

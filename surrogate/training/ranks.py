@@ -63,10 +63,10 @@ class Ranks:
         """The value of each process, by rank; sent pickled."""
         if self.count == 1:
             return [value]
-        found: list[T] = [value] * self.count
+        values: list[T] = [value] * self.count
         with _loss_told():
-            dist.all_gather_object(found, value)
-        return found
+            dist.all_gather_object(values, value)
+        return values
 
     def agreed(self, value: T) -> T:
         """The first process's value; sent pickled."""
@@ -81,27 +81,27 @@ class Ranks:
         """The result of `work` in the first process, which alone does it; the others raise its errors as `FailedElsewhere`."""
         if self.count == 1:
             return work()
-        found: T | None = None
+        result: T | None = None
         failure: BaseException | None = None
         try:
-            found = work() if self.is_first else None
+            result = work() if self.is_first else None
         except BaseException as error:
             failure = error
-        found, said = self.agreed((found, "" if failure is None else f"{type(failure).__name__}: {failure}"))
+        result, said = self.agreed((result, "" if failure is None else f"{type(failure).__name__}: {failure}"))
         if failure is not None:
             raise failure
         if said:
             raise FailedElsewhere(f"the first process failed: {said}")
-        return found  # type: ignore[return-value]
+        return result  # type: ignore[return-value]
 
     def raise_any(self, failure: Exception | None, shared: type[Exception] = FailedElsewhere) -> None:
         """Raise `failure` or, in processes without one, another's: as it is if it is a `shared` error, else `FailedElsewhere`."""
-        found = self.gathered(None if failure is None else (isinstance(failure, shared), str(failure)))
+        failures = self.gathered(None if failure is None else (isinstance(failure, shared), str(failure)))
         if failure is not None:
             raise failure
-        for rank, told in enumerate(found):
-            if told is not None:
-                is_shared, text = told
+        for rank, one in enumerate(failures):
+            if one is not None:
+                is_shared, text = one
                 raise shared(text) if is_shared else FailedElsewhere(f"process {rank} failed: {text}")
 
     def _reduce(self, operation: dist.ReduceOp.RedOpType | None, tensors: tuple[Tensor, ...]) -> None:

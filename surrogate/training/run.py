@@ -171,8 +171,8 @@ def _finished(directory: Path, mark: str) -> Surrogate:
     return finished
 
 
-def _check_mark(stored: str | None, mark: str, directory: Path) -> None:
-    if stored != mark:
+def _check_mark(previous: str | None, mark: str, directory: Path) -> None:
+    if previous != mark:
         raise ValueError(
             f"{directory} holds a run with other training settings or of another catalog, and nothing is overwritten: "
             "delete or rename that folder, or train into another one"

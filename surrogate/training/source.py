@@ -62,7 +62,7 @@ class Source:
                 f"training.appearance must be one of the catalog's {joined_names(names)}, got {self.appearance!r}"
             )
         for variation in (None, *self.variations):
-            training_rows(self.catalog, self._shown(variation))  # says at once where there are none
+            training_rows(self.catalog, self._appearance_names(variation))  # says at once where there are none
         if self.settings.initialization == "in-situ":
             _ = self.points  # says at once where the catalog has none
         _ = self.field  # says at once where values can't be carried
@@ -73,16 +73,16 @@ class Source:
         return self.settings.appearance or self.catalog.plan.appearances[0].name
 
     @cached_property
-    def shown(self) -> Appearance:
+    def target(self) -> Appearance:
         """The base appearance."""
         return next(a for a in self.catalog.plan.appearances if a.name == self.appearance)
 
     @cached_property
     def field(self) -> FieldValues | None:
         """The meaning of carried values; None where Gaussians carry colours.  Raises ValueError where they can't."""
-        if not self.settings.carry_values(self.shown) or not isinstance(self.shown, VolumeRendering):
+        if not self.settings.carry_values(self.target) or not isinstance(self.target, VolumeRendering):
             return None
-        return FieldValues(self.shown.transfer_function, ValueScale.of_function(self.shown.transfer_function))
+        return FieldValues(self.target.transfer_function, ValueScale.of_function(self.target.transfer_function))
 
     @cached_property
     def space(self) -> ParameterSpace:
@@ -94,7 +94,7 @@ class Source:
         """The fields' own values to learn from; None where Gaussians carry colours, or nothing is learnt of them."""
         if self.field is None or not self.settings.field_value_weight:
             return None
-        points = field_points(self.catalog, field_of(self.shown), self.normalization, self.space)
+        points = field_points(self.catalog, field_of(self.target), self.normalization, self.space)
         return KnownValues(points, self.field.scale, self.settings.seed)
 
     @cached_property
@@ -104,7 +104,7 @@ class Source:
 
     def data(self, variation: Variation | None = None) -> TrainingData:
         """All images that training needs, decoded: of the base appearance, or of a variation without it."""
-        learnt = self._loaded(training_rows(self.catalog, self._shown(variation)), variation)
+        learnt = self._loaded(training_rows(self.catalog, self._appearance_names(variation)), variation)
         watched = self._validation(self.settings.validation_images, variation)
         return TrainingData(learnt, watched, self.catalog.plan.background, self.values, self.ranks)
 
@@ -113,20 +113,20 @@ class Source:
         return self._validation(DECISION_IMAGES if self.settings.validation_images else 0, variation)
 
     def _validation(self, count: int, variation: Variation | None) -> list[Example]:
-        return self._loaded(validation_rows(self.catalog, self._shown(variation), count), variation)
+        return self._loaded(validation_rows(self.catalog, self._appearance_names(variation), count), variation)
 
     def _loaded(self, rows: Sequence[ImageRow], variation: Variation | None) -> list[Example]:
         return load_examples(self.catalog, rows, self.normalization, variation, self.space)
 
-    def _shown(self, variation: Variation | None) -> list[str]:
+    def _appearance_names(self, variation: Variation | None) -> list[str]:
         """The appearances to learn from."""
         return [self.appearance] if variation is None else [setting.appearance for setting in variation.settings]
 
     @property
     def variations(self) -> tuple[Variation, ...]:
         """Those of the appearance that is learnt, where they are learnt too."""
-        kept = self.catalog.plan.variations if self.settings.visualization_steps else ()
-        return tuple(v for v in kept if v.base == self.appearance)
+        variations = self.catalog.plan.variations if self.settings.visualization_steps else ()
+        return tuple(v for v in variations if v.base == self.appearance)
 
     @property
     def histogram(self) -> tuple[NDArray[np.int64] | None, NDArray[np.float64] | None]:
@@ -134,11 +134,11 @@ class Source:
 
         Values are those of the field that the appearance shows.
         """
-        summaries = [m.summary(field_of(self.shown)) for m in self.catalog.members if m.split == "train"]
-        known = [summary for summary in summaries if summary is not None]
-        if not known:
+        summaries = [m.summary(field_of(self.target)) for m in self.catalog.members if m.split == "train"]
+        present = [summary for summary in summaries if summary is not None]
+        if not present:
             return None, None
-        return np.sum([summary.histogram for summary in known], axis=0), known[0].bin_edges
+        return np.sum([summary.histogram for summary in present], axis=0), present[0].bin_edges
 
     @cached_property
     def points(self) -> StartPoints | None:
@@ -163,10 +163,10 @@ class Source:
 
     def opaque_pixels(self, variation: Variation) -> NDArray[np.float64]:
         """Some of those that pictures of a variation show, (M, 3) in [0, 1]."""
-        rows = training_rows(self.catalog, self._shown(variation))
+        rows = training_rows(self.catalog, self._appearance_names(variation))
         some = self._loaded(rows[:: max(1, len(rows) // LOOKED_AT)][:LOOKED_AT], variation)
-        shown = [e.pixels[e.pixels[..., 3] == 255] if e.pixels.shape[2] == 4 else e.pixels[..., :3] for e in some]
-        pixels = np.concatenate([p.reshape(-1, p.shape[-1])[:, :3] for p in shown])  # [., 3]
+        opaque = [e.pixels[e.pixels[..., 3] == 255] if e.pixels.shape[2] == 4 else e.pixels[..., :3] for e in some]
+        pixels = np.concatenate([p.reshape(-1, p.shape[-1])[:, :3] for p in opaque])  # [., 3]
         return pixels[:: max(1, len(pixels) // MOST_PIXELS)] / 255.0
 
     def gaussians_on_surfaces(self, variation: Variation) -> Gaussians:

@@ -107,8 +107,8 @@ class TrainingState:
 
     def to(self, device: torch.device) -> TrainingState:
         """The same on another device, but for the loop's tensors."""
-        shown = tuple(v.to(device) for v in self.visualizations)
-        return replace(self, fitted=self.fitted.to(device), visualizations=shown)
+        visualizations = tuple(v.to(device) for v in self.visualizations)
+        return replace(self, fitted=self.fitted.to(device), visualizations=visualizations)
 
     def checkpoint(self, fingerprint: str) -> Checkpoint:
         """The checkpoint that `load` reads, of the run with this fingerprint."""
@@ -127,12 +127,14 @@ class TrainingState:
     def load(cls, checkpoint: Checkpoint) -> TrainingState:
         """The state that a checkpoint was made of, in main memory."""
         tensors, record = checkpoint.tensors, checkpoint.record
-        shown = enumerate(record["visualizations"])
+        visualizations = enumerate(record["visualizations"])
         return cls(
             fitted=FittedGaussians.load(part_of(tensors, "fitted"), record["fitted"]),
             done=record["done"],
             loop=None if record["step"] is None else LoopMemory(record["step"], part_of(tensors, "loop")),
-            visualizations=tuple(Visualization.load(part_of(tensors, f"visualization{i}"), v) for i, v in shown),
+            visualizations=tuple(
+                Visualization.load(part_of(tensors, f"visualization{i}"), v) for i, v in visualizations
+            ),
             seconds=record["seconds"],
             processor_seconds=record["processor_seconds"],
             losses=tuple(record["losses"]),

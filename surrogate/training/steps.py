@@ -62,8 +62,8 @@ class Optimize:
             done, name = self.before + run.step, run.stage.name
             if run.step == run.stage.steps or (interval and run.step % interval == 0):
                 mean, psnr = float(np.mean(losses)), run.validate()
-                taken = {"seconds": session.seconds, "processor_seconds": session.processor_seconds()}
-                curve.append({"stage": name, "step": done, "loss": mean, "psnr": psnr, **taken})
+                times = {"seconds": session.seconds, "processor_seconds": session.processor_seconds()}
+                curve.append({"stage": name, "step": done, "loss": mean, "psnr": psnr, **times})
                 losses.clear()
             if session.report_is_due:
                 session.report(name, done, losses, curve)
@@ -125,15 +125,15 @@ def plan(source: Source, data: TrainingData) -> list[Step]:
         steps.append(Optimize(simulation, lambda: data, before, first))
         steps.append(Decide(color_degree, NAME, before + first))
     steps.append(Optimize(simulation, lambda: data, before, settings.deformation_steps))
-    made = choices(bool(source.variations)) if settings.fit_to_need and data.validation else ()
-    for i, choose in enumerate(made):
-        steps.append(Decide(functools.partial(decide, choose), COMPRESSION, i, len(made) + 1))
+    choosers = choices(bool(source.variations)) if settings.fit_to_need and data.validation else ()
+    for i, choose in enumerate(choosers):
+        steps.append(Decide(functools.partial(decide, choose), COMPRESSION, i, len(choosers) + 1))
     images = functools.lru_cache(maxsize=1)(lambda number: source.data(source.variations[number]))
     for number, variation in enumerate(source.variations):
         before = settings.canonical_steps + settings.deformation_steps + number * settings.visualization_steps
         steps += _of_variation(source, variation, data, functools.partial(images, number), before)
-    if made:
-        steps.append(Decide(precision, COMPRESSION, len(made), len(made) + 1))
+    if choosers:
+        steps.append(Decide(precision, COMPRESSION, len(choosers), len(choosers) + 1))
     return steps
 
 
@@ -169,15 +169,15 @@ def _in_fewest_bits(
     """The model as it will be read again, in main memory."""
     state = state.to(torch.device("cpu"))
     fitted, encodings, choice = choose_precision(state.fitted, evaluator)
-    found, shown = [choice], list(state.visualizations)
-    for i, visualization in enumerate(shown):
+    decisions, visualizations = [choice], list(state.visualizations)
+    for i, visualization in enumerate(visualizations):
         images = source.decision_images(visualization.variation) if visualization.tensors() else []
         if images:
             evaluator = Evaluator(source.settings, TrainingData([], images, background, ranks=source.ranks))
-            shown[i], own, choice = precision_of_visualization(visualization, fitted, evaluator)
+            visualizations[i], own, choice = precision_of_visualization(visualization, fitted, evaluator)
             encodings |= {f"visualization{i}.{name}": encoding for name, encoding in own.items()}
-            found.append(choice)
-    return _decided(state, *found, fitted=fitted, visualizations=tuple(shown), encodings=encodings)
+            decisions.append(choice)
+    return _decided(state, *decisions, fitted=fitted, visualizations=tuple(visualizations), encodings=encodings)
 
 
 def _decided(state: TrainingState, *choices: Choice | None, **changes: Any) -> TrainingState:

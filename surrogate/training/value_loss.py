@@ -55,8 +55,8 @@ class KnownValues:
         row = self._rows.get(member)
         if row is None:
             return carriers.values.new_zeros(())
-        some = torch.from_numpy(self.points.drawn(row, PLACES, generator(self.seed, "values", step)))  # [Q]
-        places, truth = (tensor[some].to(carriers.means.device) for tensor in self._known)
+        some = torch.from_numpy(self.points.sample(row, PLACES, generator(self.seed, "values", step)))  # [Q]
+        places, truth = (tensor[some].to(carriers.means.device) for tensor in self._samples)
         blended = blended_values(
             carriers.means,
             carriers.log_scales.exp(),
@@ -73,7 +73,7 @@ class KnownValues:
         return {name: row for row, name in enumerate(self.points.names)}
 
     @cached_property
-    def _known(self) -> tuple[Tensor, Tensor]:
+    def _samples(self) -> tuple[Tensor, Tensor]:
         """The places (M, 3), and the values there on the scale (M,), float32."""
         values = np.clip(self.scale.places(self.points.values), -BEYOND, 1.0 + BEYOND)
         return torch.from_numpy(self.points.places), torch.from_numpy(values.astype(np.float32))
@@ -158,6 +158,8 @@ class _BlendedValues(torch.autograd.Function):
         require_no_second_derivative("blended_values", "blended_values_reference")
         _ = ctx.saved_tensors
         needed = ctx.needs_input_grad[2:]
-        found = kernels.blend_gradients(ctx.blend, gradients[0].nan_to_num(0.0).numpy(), any(needed[:3]))
-        made = [None] * (len(NAMES) - len(found)) + [torch.from_numpy(array) for array in found]
-        return None, None, *(gradient if wanted else None for gradient, wanted in zip(made, needed, strict=True))
+        gradients_of_kernel = kernels.blend_gradients(ctx.blend, gradients[0].nan_to_num(0.0).numpy(), any(needed[:3]))
+        every = [None] * (len(NAMES) - len(gradients_of_kernel)) + [
+            torch.from_numpy(array) for array in gradients_of_kernel
+        ]
+        return None, None, *(gradient if wanted else None for gradient, wanted in zip(every, needed, strict=True))

@@ -33,8 +33,8 @@ STILL = 0.03  # of stage 3, for which Gaussians of its own do not move yet; with
 
 def lighting_of(variation: Variation, source: Source) -> Lighting | None:
     """The light on the surfaces that a variation shows; None where it shows anything else, lit differently, or looks otherwise."""
-    shown = {setting.appearance for setting in variation.settings}
-    lighting = Lighting.of([a for a in source.catalog.plan.appearances if a.name in shown])
+    names = {setting.appearance for setting in variation.settings}
+    lighting = Lighting.of([a for a in source.catalog.plan.appearances if a.name in names])
     return lighting if lighting is not None and lighting.explains(source.opaque_pixels(variation)) else None
 
 
@@ -129,16 +129,16 @@ def visualization_stage(
     rates = {
         prefix + name: factor * rate for prefix, part, factor in parts for name, rate in part.rates(settings).items()
     }
-    known: dict[tuple[float, ...], Gaussians] = {}
+    by_place: dict[tuple[float, ...], Gaussians] = {}
 
     def rest_at(parameters: Tensor) -> Gaussians:
         alone = parameters[: -len(visualization.variation.space)]  # [P]
         if tuned is not None:
             return visualization.simulated(gaussians, simulation, alone)
         place = tuple(alone.tolist())
-        if place not in known:  # a member's Gaussians are always the same
-            known[place] = visualization.simulated(gaussians, simulation, alone)
-        return known[place]
+        if place not in by_place:  # a member's Gaussians are always the same
+            by_place[place] = visualization.simulated(gaussians, simulation, alone)
+        return by_place[place]
 
     def gaussians_at(parameters: Tensor) -> Gaussians:
         if tuned is not None:

@@ -81,7 +81,7 @@ def composited(
     drawn = drawn_range(grid.range, appearance.transfer_function) if volume else None  # type: ignore[union-attr]
     with ExitStack() as opened:
         renderers = [
-            opened.enter_context(BlockRenderer(b, appearance, sample_distance=sample_distance, drawn=drawn))
+            opened.enter_context(BlockRenderer(b, appearance, sample_distance=sample_distance, value_range=drawn))
             for b in blocks
         ]
         for camera in cameras:

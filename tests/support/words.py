@@ -1,4 +1,4 @@
-"""Plain words: phrases, first lines and lengths that docstrings, messages and pages must not have.
+"""Plain words: phrases, first lines and lengths that docstrings, messages and pages must not have, and names.
 
 `python -m tests.support.words PATH...` lists the violations below each path as `file:line: message`.
 """
@@ -14,6 +14,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 PROJECT = Path(__file__).resolve().parents[2]
+PACKAGES = ("catalogs", "insitu", "render", "surrogate")  # whose names are checked, too
 WORDS, WIDTH = 30, 120  # of a sentence, of a line of Markdown
 SCRIPTS = (".js", ".html", ".cpp", ".hpp", ".h", ".c", ".f90")
 # "There is no file", "is no longer", "are no more than" and "is no larger than" are good English.
@@ -27,6 +28,9 @@ SENTENCE_END = re.compile(r"(?<=[.!?])[)\"'`*]*\s+(?=[\"'`(*\[]*[A-Z0-9`¹²³�
 LITERALS = re.compile(r"//.*|/\*.*?\*/|\"[^\"\n]*\"|'[^'\n]*'|`[^`]*`|<!--.*?-->|>[^<>]+<", re.DOTALL)
 ITEM = re.compile(r"[-*] |\d+\. |[\w`*., ]{1,60} : ")
 SKIPPED = re.compile(r"```|\||#|>>>|\.\.\. |---|[$>] |!\[.*\)$")
+# Alone, these say what was done to a thing instead of what it is; "known" before a noun (`known_names`) is fine.
+PARTICIPLES = re.compile("_*(?:found|held|given|told|kept|known|asked|drawn|taken|made|shown|seen|stored)_*")
+METHODS, FIELDS = {"drawn", "stored"}, {"asked", "kept", "made"}  # of protocols; keys of records on disk
 LISTED = re.compile(r"(?:[\w.`*-]+, ){3,}[\w.`*-]+")  # single names between commas count as one word
 Found = tuple[int, str]  # line, message
 
@@ -91,6 +95,28 @@ def in_python(source: str, docstrings_only: bool) -> Iterator[Found]:
             yield from phrases(token.string, token.start[0])
 
 
+def participles(source: str) -> Iterator[Found]:
+    """Variables, parameters, attributes and functions whose name is a participle alone."""
+    tree = ast.parse(source)
+    bodies = [node.body for node in ast.walk(tree) if isinstance(node, ast.ClassDef)]
+    members = [part for body in bodies for part in body]
+    allowed = {id(part) for part in members if isinstance(part, ast.FunctionDef) and part.name in METHODS}
+    allowed |= {id(p.target) for p in members if isinstance(p, ast.AnnAssign) and getattr(p.target, "id", "") in FIELDS}
+    for node in ast.walk(tree):
+        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
+            name = node.name
+        elif isinstance(node, ast.arg):
+            name = node.arg
+        elif isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store):
+            name = node.id
+        elif isinstance(node, ast.Attribute) and isinstance(node.ctx, ast.Store):
+            name = node.attr
+        else:
+            continue
+        if PARTICIPLES.fullmatch(name) and id(node) not in allowed:
+            yield node.lineno, f"name `{name}`: say what the thing is"
+
+
 def in_markdown(text: str) -> Iterator[Found]:
     """Violations in a page: phrases, long sentences and long lines; code, tables, comments and lone links are exempt."""
     for first, paragraph in paragraphs(text, 1):
@@ -108,8 +134,10 @@ def violations(path: Path) -> list[Found]:
     """All violations of a file, by line."""
     text = path.read_text()
     if path.suffix == ".py":
-        tests = path.resolve().is_relative_to(PROJECT / "tests")
-        found = in_python(text, docstrings_only=tests)
+        place = path.resolve()
+        found = list(in_python(text, docstrings_only=place.is_relative_to(PROJECT / "tests")))
+        if any(place.is_relative_to(PROJECT / package) for package in PACKAGES):
+            found += participles(text)
     elif path.suffix == ".md":
         found = in_markdown(text)
     else:

@@ -124,7 +124,7 @@ def test_a_model_whose_own_gaussians_do_not_fit_is_refused() -> None:
     own = replace(of_isovalue(fitted), gaussians=fitted.gaussians.of(torch.arange(3)), simulation=None)
     broken = surrogate(fitted, own)
     with pytest.raises(ValueError, match="latents must have a row for each of 3 Gaussians"):
-        Surrogate.of_bytes(*broken._stored().contents())
+        Surrogate.of_bytes(*broken._stored_form().contents())
 
 
 POSITION = torch.tensor([0.4, -3.0, 1.2])

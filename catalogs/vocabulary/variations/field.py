@@ -63,12 +63,13 @@ class FieldVariation(Variation):
         return super().normalize(None) if values is None else np.array(values, dtype=np.float64)
 
     @classmethod
-    def family(cls, base: VolumeRendering, known: Sequence[str], **table: Any) -> Family:
+    def family(cls, base: VolumeRendering, scene_appearances: Sequence[str], **table: Any) -> Family:
         variation = field_variation(base.name, **{"appearances": (), **table})
-        unknown = [name for name in variation.space.names if name not in known]
+        unknown = [name for name in variation.space.names if name not in scene_appearances]
         if unknown:
             raise ValueError(
-                f"appearances must name some of {joined_names(known)}, each an [[appearance]] table, got {joined_names(unknown)}"
+                f"appearances must name some of {joined_names(scene_appearances)}, each an [[appearance]] table, got "
+                f"{joined_names(unknown)}"
             )
         return Family(variation, ())
 

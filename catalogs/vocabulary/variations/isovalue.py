@@ -32,7 +32,7 @@ class IsovalueVariation(Variation):
             )
 
     @classmethod
-    def family(cls, base: VolumeRendering, known: Sequence[str], **table: Any) -> Family:
+    def family(cls, base: VolumeRendering, scene_appearances: Sequence[str], **table: Any) -> Family:
         style = ({"field": base.field} if base.field else {}) | table.pop("style", {})
         return isovalue_family(base.name, style=style, **table)
 
@@ -67,10 +67,10 @@ def isovalue_family(
     """
     rows = [(split, float(v)) for split, vs in zip(SPLITS, (train, validation, test), strict=True) for v in vs]
     values = [value for _, value in rows]
-    taken = sorted({"kind", "name", "isovalue"} & set(style or {}))
-    if taken:
+    reserved = sorted({"kind", "name", "isovalue"} & set(style or {}))
+    if reserved:
         raise ValueError(
-            f"style holds what all isosurfaces share, such as color, not {taken}: those are set by isovalue"
+            f"style holds what all isosurfaces share, such as color, not {reserved}: those are set by isovalue"
         )
     if len(set(train)) < 2 or len(set(values)) != len(values):
         raise ValueError(f"isovalues must differ, and at least two be trained, got {values}")

@@ -46,7 +46,7 @@ class TransferFunctionVariation(Variation):
         ]
 
     @classmethod
-    def family(cls, base: VolumeRendering, known: Sequence[str], **table: Any) -> Family:
+    def family(cls, base: VolumeRendering, scene_appearances: Sequence[str], **table: Any) -> Family:
         return transfer_function_family(base, **table)
 
     def _shows(self, appearance: Appearance, values: tuple[float, ...], base: Appearance) -> bool:
@@ -99,19 +99,19 @@ def transfer_function_family(
     for split, count in (("validation", validation), ("test", test)):
         rows[split] = random.uniform(-1.0, 1.0, (count, 4))
     decimals = [max(9, 6 - math.floor(math.log10(step))) for step in steps.tolist()]  # more only for small units
-    settings, shown = [], []
+    settings, appearances = [], []
     for split, displacements in rows.items():
         for i, moved in enumerate((displacements * steps).tolist(), start=1):
             displacement = tuple(map(round, moved, decimals))
             name = f"{base.name}-{split}-{i:02d}"
             settings.append(VariationSetting(name, displacement, split))
-            shown.append(_displaced_appearance(base, name, displacement))
+            appearances.append(_displaced_appearance(base, name, displacement))
     units = (unit, "", unit, "")
     parameters = (
         Parameter(n, -step, step, u) for n, step, u in zip(POINT_PARAMETERS, steps.tolist(), units, strict=True)
     )
     variation = TransferFunctionVariation(base.name, ParameterSpace(tuple(parameters)), tuple(settings))
-    return Family(variation, tuple(shown))
+    return Family(variation, tuple(appearances))
 
 
 def displaced(base: TransferFunction, displacement: Sequence[float]) -> TransferFunction:

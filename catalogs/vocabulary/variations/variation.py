@@ -151,8 +151,8 @@ class Variation(ABC):
 
     @classmethod
     @abstractmethod
-    def family(cls, base: VolumeRendering, known: Sequence[str], **table: Any) -> Family:
-        """The family of a scene's `[[variation]]` table; `known` are the names of the scene's appearances.
+    def family(cls, base: VolumeRendering, scene_appearances: Sequence[str], **table: Any) -> Family:
+        """The family of a scene's `[[variation]]` table; `scene_appearances` are the names of the scene's appearances.
 
         Raises ValueError or TypeError for an invalid table.
         """

@@ -14,7 +14,7 @@ from catalogs.store.catalog import Catalog
 from catalogs.vocabulary.cameras import Camera
 from catalogs.vocabulary.variations import Variation
 from research.studies.baselines.method import TrainingImages
-from surrogate.evaluation.cases import Case, base_cells, drawn, drawn_evenly, variation_cells
+from surrogate.evaluation.cases import Case, base_cells, drawn_evenly, sample_of, variation_cells
 from surrogate.settings import TrainingSettings
 from surrogate.storage.checkpoints import fingerprint_of_scene
 from surrogate.training.data import Example, ImageRow, normalized_parameters, validation_rows
@@ -64,9 +64,9 @@ class ComparisonTask:
         if self.variation is None:
             views = base_cells(self.catalog, self.source.appearance)
             named = {
-                "novel views": drawn(views["unseen_views"]["seen_parameters"], IMAGES),
-                "unseen parameters": drawn(views["seen_views"]["unseen_parameters"], IMAGES),
-                "both": drawn(views["unseen_views"]["unseen_parameters"], IMAGES),
+                "novel views": sample_of(views["unseen_views"]["seen_parameters"], IMAGES),
+                "unseen parameters": sample_of(views["seen_views"]["unseen_parameters"], IMAGES),
+                "both": sample_of(views["unseen_views"]["unseen_parameters"], IMAGES),
             }
         else:
             unseen, plural = variation_cells(self.catalog, self.variation)["unseen_settings"], self.variation.plural

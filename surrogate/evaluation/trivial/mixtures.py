@@ -29,7 +29,7 @@ class Sources(Protocol):
     def key(self, case: Case) -> Hashable:
         """Equal for cases that are predicted from the same images."""
 
-    def stored(self, case: Case) -> Sequence[tuple[Member, str, int]]:
+    def images_for(self, case: Case) -> Sequence[tuple[Member, str, int]]:
         """Member, appearance and view of M images; empty where the case can't be predicted."""
 
     def points(self, case: Case) -> NDArray[np.float64]:
@@ -57,20 +57,20 @@ class Mixtures:
         batches: dict[Hashable, list[Case]] = {}
         for case in cases:
             batches.setdefault(self.sources.key(case), []).append(case)
-        known: dict[tuple[bytes, bytes], NDArray[np.float64]] = {}  # most views show the same members
+        weights_by_views: dict[tuple[bytes, bytes], NDArray[np.float64]] = {}  # most views show the same members
         for batch in batches.values():
-            stored = self.sources.stored(batch[0])
-            if not stored:
+            sources = self.sources.images_for(batch[0])
+            if not sources:
                 continue
             points = self.sources.points(batch[0])
             wanted = np.array([self.sources.place(case) for case in batch])  # [T, P]
             key = points.tobytes(), wanted.tobytes()
-            if key not in known:
-                known[key] = np.stack([rule(points, wanted) for rule in self.rules.values()], axis=1)
-            weights = known[key]  # [T, K, M]
+            if key not in weights_by_views:
+                weights_by_views[key] = np.stack([rule(points, wanted) for rule in self.rules.values()], axis=1)
+            weights = weights_by_views[key]  # [T, K, M]
             used = np.flatnonzero(weights.any(axis=(0, 1))).tolist()
             with ThreadPoolExecutor(2) as pool:
-                loaded = pool.map(lambda i, s=stored: self.images.image(*s[i], dtype="float32"), used)
+                loaded = pool.map(lambda i, s=sources: self.images.image(*s[i], dtype="float32"), used)
                 pictures = np.stack(list(loaded))  # [U, H, W, 4]
             some = max(1, MIXED_VALUES // (len(self.rules) * pictures[0].size))
             for first in range(0, len(batch), some):
@@ -100,7 +100,7 @@ class MemberPictures:
         """See `Sources`."""
         return tuple(view for view, _ in self._nearest(case.camera).values())
 
-    def stored(self, case: Case) -> list[tuple[Member, str, int]]:
+    def images_for(self, case: Case) -> list[tuple[Member, str, int]]:
         """See `Sources`."""
         nearest = self._nearest(case.camera)
         return [(member, self.appearance, nearest[id(member.cameras)][0]) for member in self.members]
@@ -134,15 +134,15 @@ class MemberPictures:
         }
 
     @cached_property
-    def _known(self) -> dict[int, tuple[Camera, dict[int, tuple[int, float]]]]:
+    def _nearest_by_camera(self) -> dict[int, tuple[Camera, dict[int, tuple[int, float]]]]:
         """Cameras by their identity, each with its nearest views."""
         return {}
 
     def _nearest(self, camera: Camera) -> dict[int, tuple[int, float]]:
         """The most similar view in each set of cameras, and the angle to it in degrees."""
-        if id(camera) not in self._known:
-            self._known[id(camera)] = camera, self._nearest_views(camera)
-        return self._known[id(camera)][1]
+        if id(camera) not in self._nearest_by_camera:
+            self._nearest_by_camera[id(camera)] = camera, self._nearest_views(camera)
+        return self._nearest_by_camera[id(camera)][1]
 
     def _nearest_views(self, camera: Camera) -> dict[int, tuple[int, float]]:
         views = {}

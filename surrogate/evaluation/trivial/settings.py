@@ -79,9 +79,9 @@ class TrainedPictures:
         """See `Sources`."""
         return self.pictures.key(case)
 
-    def stored(self, case: Case) -> list[tuple[Member, str, int]]:
+    def images_for(self, case: Case) -> list[tuple[Member, str, int]]:
         """See `Sources`: member by member, all settings of each."""
-        of_members = self.pictures.stored(case)
+        of_members = self.pictures.images_for(case)
         return [(member, name, view) for member, _, view in of_members for name in self.trained.appearances]
 
     def points(self, case: Case) -> NDArray[np.float64]:
@@ -110,18 +110,18 @@ class SettingPictures:
         """See `Sources`."""
         return case.member.name, case.view
 
-    def stored(self, case: Case) -> list[tuple[Member, str, int]]:
+    def images_for(self, case: Case) -> list[tuple[Member, str, int]]:
         """See `Sources`; empty for a member without trained settings."""
-        return [(case.member, name, case.view) for name in self.shown(case.member).appearances]
+        return [(case.member, name, case.view) for name in self.trained_in(case.member).appearances]
 
     def points(self, case: Case) -> NDArray[np.float64]:
         """See `Sources`: visualization parameters as network inputs."""
-        return self.shown(case.member).places
+        return self.trained_in(case.member).places
 
     def place(self, case: Case) -> NDArray[np.float64]:
         """See `Sources`."""
         return self.variation.normalize(self.variation.values_of(case.varied))
 
-    def shown(self, member: Member) -> TrainedSettings:
+    def trained_in(self, member: Member) -> TrainedSettings:
         """The trained settings that a member has."""
         return self.trained.among(member.appearances)

@@ -105,16 +105,19 @@ def _write(folder: Path, output: Path, kinds: Sequence[str], options: Mapping[st
         from catalogs.files import durable
         from surrogate.explore.exporting.naming import file_name
         from surrogate.explore.exporting.options import extrapolations, from_options
-        from surrogate.explore.reliability.expectation import known
+        from surrogate.explore.reliability.expectation import stored_expectation
         from surrogate.explore.run import Run
 
         run = Run.open(folder)
-        request, expectation = from_options(options, kind, run), known(run)
+        request, expectation = from_options(options, kind, run), stored_expectation(run)
+        durable.make_folder(output.parent)
         durable.require_writable(output.parent)
         for sentence in extrapolations(request, run):
             click.echo(sentence, err=True)
         with ProgressLine() as line:
-            content = request.content(run, lambda *drawn: line.count("drawing", *drawn) if drawn else None, expectation)
+            content = request.content(
+                run, lambda *counts: line.count("drawing", *counts) if counts else None, expectation
+            )
         if is_folder:
             output.mkdir(exist_ok=True)
             output /= f"{file_name(run, request)}.{KINDS[kind][0]}"

@@ -30,11 +30,14 @@ def comparison(
     `words` stand above each of the two, a paragraph each; the difference has its numbers above and its scale below.  Raises
     ValueError for images of two sizes.
     """
-    found = difference_of(first, second)
+    difference = difference_of(first, second)
     height, width = first.shape[:2]
     size, column = max(LEAST_TEXT, min(MOST_SIZE, text_size(height))), max(width, LEAST_WIDTH)
     line, gap = line_height(size), max(4, height // 64)
-    numbers = [f"PSNR {found.psnr:.2f} dB between them (higher is better)", f"largest difference {found.maximum:.2g}"]
+    numbers = [
+        f"PSNR {difference.psnr:.2f} dB between them (higher is better)",
+        f"largest difference {difference.maximum:.2g}",
+    ]
     columns = [
         [text for part in parts for text in wrapped(part, size, column)] for parts in (*words, ["difference", *numbers])
     ]
@@ -45,11 +48,11 @@ def comparison(
         for left, lines in zip(lefts, columns, strict=True)
         for row, text in enumerate(lines)
     ]
-    left, top, ends = lefts[-1], above + height + gap, ("0", f"{found.high:g}")
+    left, top, ends = lefts[-1], above + height + gap, ("0", f"{difference.high:g}")
     start, stop = left + round(length(f"{ends[0]} ", size)), left + width - round(length(f" {ends[1]}", size))
     entries = np.linspace(0, ENTRIES - 1, max(1, stop - start)).astype(int)
     bar = np.broadcast_to(color_table()[entries], (BAR, len(entries), 3))
-    images = [((x, above), image) for x, image in zip(lefts, (first, second, found.picture), strict=True)]
+    images = [((x, above), image) for x, image in zip(lefts, (first, second, difference.picture), strict=True)]
     images.append(((start, top + (line - BAR) // 2), bar))
     texts += [((left, top + line / 2), ends[0], "lm"), ((left + width, top + line / 2), ends[1], "rm")]
     sheet = composed((gap + 3 * (column + gap), top + line), background, images, texts, size)

@@ -45,10 +45,10 @@ class PictureRequest:
     form: Literal["png", "exr"] = "png"
 
     def content(self, run: Run, progress: Progress, expectation: Expectation | None = None) -> bytes:
-        drawn = self.setting.gaussians(run.surrogate).render(self.camera, background=self.background)
+        image = self.setting.gaussians(run.surrogate).render(self.camera, background=self.background)
         expected = self.expected(run, expectation)
         record = record_for(run.surrogate, self.setting, self.camera, self.background, expected)
-        return encode(drawn if self.background is None else drawn[..., :3], self.form, record=record)
+        return encode(image if self.background is None else image[..., :3], self.form, record=record)
 
     def expected(self, run: Run, expectation: Expectation | None) -> Expected | None:
         return None if expectation is None else expectation.at(self.setting, run.surrogate, self.camera)
@@ -93,13 +93,13 @@ class ComparisonRequest:
     background: Color = WHITE
 
     def content(self, run: Run, progress: Progress, expectation: Expectation | None = None) -> bytes:
-        first = self._drawn(self.setting, run)
+        first = self._render(self.setting, run)
         words = [self._words("A", self.setting, run, expectation)]
         if self.other is None:
-            second, told = self._stored(run)
-            words = [["prediction", *words[0][1:]], told]
+            second, words_of_second = self._stored_image(run)
+            words = [["prediction", *words[0][1:]], words_of_second]
         else:
-            second = self._drawn(self.other, run)
+            second = self._render(self.other, run)
             words.append(self._words("B", self.other, run, expectation))
         record = record_for(run.surrogate, self.setting, self.camera, self.background)
         if self.other is not None:
@@ -110,25 +110,25 @@ class ComparisonRequest:
         other = "its stored picture" if self.other is None else self.other.described(run.origins)
         return f"{self.setting.described(run.origins)} beside {other}"
 
-    def _drawn(self, setting: Setting, run: Run) -> NDArray[np.float32]:
+    def _render(self, setting: Setting, run: Run) -> NDArray[np.float32]:
         return setting.gaussians(run.surrogate).render(self.camera, background=self.background)[..., :3]
 
     def _words(self, name: str, setting: Setting, run: Run, expectation: Expectation | None) -> list[str]:
         expected = expectation and expectation.at(setting, run.surrogate, self.camera)
         return [f"{name}: {setting.described(run.origins)}", *([expected.short] if expected else [])]
 
-    def _stored(self, run: Run) -> tuple[NDArray[np.float32], list[str]]:
+    def _stored_image(self, run: Run) -> tuple[NDArray[np.float32], list[str]]:
         truth = Truth.of(run)
-        stored = None if truth is None else truth.match(self.setting, self.camera)
-        if truth is None or stored is None:
+        match = None if truth is None else truth.match(self.setting, self.camera)
+        if truth is None or match is None:
             raise ValueError(
                 "the catalog has no picture of this: choose the parameters and the view of one of its members"
             )
-        if (stored.camera.width, stored.camera.height) != (self.camera.width, self.camera.height):
+        if (match.camera.width, match.camera.height) != (self.camera.width, self.camera.height):
             raise ValueError(
-                f"the stored picture has {stored.camera.width}x{stored.camera.height} pixels: compare at this size"
+                f"the stored picture has {match.camera.width}x{match.camera.height} pixels: compare at this size"
             )
-        return composite(truth.picture(stored), self.background), ["stored picture", stored.sentence]
+        return composite(truth.picture(match), self.background), ["stored picture", match.sentence]
 
 
 @dataclass(frozen=True, eq=False)
@@ -140,9 +140,9 @@ class SheetRequest:
     background: Color = WHITE
 
     def content(self, run: Run, progress: Progress, expectation: Expectation | None = None) -> bytes:
-        drawn = pictures(self.sweep, run.surrogate, self.camera, self.background, progress=progress)
+        images = pictures(self.sweep, run.surrogate, self.camera, self.background, progress=progress)
         record = record_for(run.surrogate, self.sweep.base, self.camera, self.background)
-        return strip(self.sweep, drawn, background=self.background, record=record)
+        return strip(self.sweep, images, background=self.background, record=record)
 
     def summary(self, run: Run) -> str:
         return self.sweep.described(run.origins)
@@ -165,10 +165,10 @@ class FilmRequest:
             raise ValueError("a film goes over one parameter: leave the second out, or make a PNG")
 
     def content(self, run: Run, progress: Progress, expectation: Expectation | None = None) -> bytes:
-        drawn = pictures(self.sweep, run.surrogate, self.camera, self.background, progress=progress)
+        images = pictures(self.sweep, run.surrogate, self.camera, self.background, progress=progress)
         return film_bytes(
             self.form,
-            captioned(drawn, self.sweep, background=self.background) if self.caption else drawn,
+            captioned(images, self.sweep, background=self.background) if self.caption else images,
             frames_per_second=self.frames_per_second,
             there_and_back=self.there_and_back,
             go_on=progress,
@@ -209,19 +209,19 @@ def from_message(message: Any, run: Run) -> Request:
     Raises MessageError for a wrong message, ValueError for what can't be made.
     """
     frame = frame_request(message, run.surrogate, run.origins)
-    shown, kind = (frame.settings[0], frame.camera, frame.background), message.get("kind")
+    arguments, kind = (frame.settings[0], frame.camera, frame.background), message.get("kind")
     if kind not in tuple(KINDS):
         raise MessageError(f"kind must be one of {', '.join(KINDS)}, got {str(kind)[:40]!r}")
     if kind == "ply":
         return GaussiansRequest(frame.settings[0])
     if kind == "python":
-        return CodeRequest(*shown)
+        return CodeRequest(*arguments)
     if kind in ("png", "exr"):
-        return PictureRequest(*shown, kind)
+        return PictureRequest(*arguments, kind)
     if kind == "comparison":
         if len(frame.settings) != 2 and not frame.truth:
             raise MessageError("a comparison is of two settings, or of one and its stored picture")
-        return ComparisonRequest(*shown[:2], None if frame.truth else frame.settings[1], frame.background)
+        return ComparisonRequest(*arguments[:2], None if frame.truth else frame.settings[1], frame.background)
     fields = message.get("sweep")
     if not isinstance(fields, Mapping):
         raise MessageError("a sheet or a film needs a sweep: choose a parameter in the tab Sweep")
@@ -229,9 +229,9 @@ def from_message(message: Any, run: Run) -> Request:
     if kind == "sheet":
         down = ("second", "secondCount", "secondLow", "secondHigh")
         rows = _axis_in(fields, run, *down) if fields.get("second") else None
-        return SheetRequest(Sweep(shown[0], columns, rows), *shown[1:])
-    film = Sweep(shown[0], replace(columns, count=FILM_STEPS))
-    return FilmRequest(film, *shown[1:], kind, there_and_back=True)
+        return SheetRequest(Sweep(arguments[0], columns, rows), *arguments[1:])
+    film = Sweep(arguments[0], replace(columns, count=FILM_STEPS))
+    return FilmRequest(film, *arguments[1:], kind, there_and_back=True)
 
 
 def _axis_in(fields: Mapping[str, Any], run: Run, name: str, count: str, *ends: str) -> Axis:

@@ -34,12 +34,12 @@ def composed(
     sheet = np.full((size[1], size[0], 3), to_bytes(np.asarray(background, np.float32)))
     for (left, top), image in images:
         sheet[top : top + image.shape[0], left : left + image.shape[1]] = to_bytes(image)
-    drawn = Image.fromarray(sheet)
+    canvas = Image.fromarray(sheet)
     luminance = float(np.dot(background, (0.2126, 0.7152, 0.0722)))  # of Rec. 709
     ink = (0, 0, 0) if luminance > LIGHT else (255, 255, 255)
     for point, text, anchor in texts:
-        ImageDraw.Draw(drawn).text(point, text, ink, font=_font(text_size), anchor=anchor)
-    return np.asarray(drawn)
+        ImageDraw.Draw(canvas).text(point, text, ink, font=_font(text_size), anchor=anchor)
+    return np.asarray(canvas)
 
 
 def text_size(height: int) -> int:

@@ -11,7 +11,7 @@ from typing import Any
 from catalogs.vocabulary.cameras import Camera
 from catalogs.vocabulary.numbers import text
 from surrogate.explore.run import Run
-from surrogate.explore.setting import Setting, shown
+from surrogate.explore.setting import Setting, with_origins
 
 MOST_LETTERS = 72  # before the mark
 MARK = 6  # hexadecimal digits of a SHA-256 over all that is asked for
@@ -37,7 +37,7 @@ def _words(run: Run, request: Any) -> list[str]:
         f"{axis.name}-{text(axis.low + axis.origin)}-to-{text(axis.high + axis.origin)}"
         for axis in reversed(sweep.axes)
     ]
-    return [*over, *_values(run, sweep.kept), sweep.base.color_map]
+    return [*over, *_values(run, sweep.fixed), sweep.base.color_map]
 
 
 def _values(run: Run, values: dict[str, float | str]) -> list[str]:
@@ -45,7 +45,7 @@ def _values(run: Run, values: dict[str, float | str]) -> list[str]:
     moved = {name: value for name, value in values.items() if name not in run.origins or value}
     return [
         f"{name}-{value if isinstance(value, str) else format(value, 'g')}"
-        for name, value in shown(moved, run.origins).items()
+        for name, value in with_origins(moved, run.origins).items()
     ]
 
 

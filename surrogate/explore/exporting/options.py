@@ -38,7 +38,7 @@ def from_options(options: Mapping[str, Any], kind: Any, run: Run) -> CommandRequ
     for wrong options.
     """
     surrogate = run.surrogate
-    like, camera, kept = _kept(options["like"]) if options.get("like") else (Setting({}), None, None)
+    like, camera, like_background = _read_state(options["like"]) if options.get("like") else (Setting({}), None, None)
     setting = _setting(run, options["parameters"], options["color_map"], like)
     if kind == "ply":
         return GaussiansRequest(setting)
@@ -48,9 +48,9 @@ def from_options(options: Mapping[str, Any], kind: Any, run: Run) -> CommandRequ
     background = _color(options["background"].split(",")) if options["background"] else None
     if options.get("compare"):
         other = None if options["compare"] == (STORED,) else _setting(run, options["compare"], "", setting)
-        return ComparisonRequest(setting, camera, other, background or kept or surrogate.background or WHITE)
+        return ComparisonRequest(setting, camera, other, background or like_background or surrogate.background or WHITE)
     if kind in ("png", "exr"):
-        return PictureRequest(setting, camera, background or kept or surrogate.background, kind)
+        return PictureRequest(setting, camera, background or like_background or surrogate.background, kind)
     down, film = options["down"], kind in ("gif", "mp4")
     steps = options["steps"] or (FILM_STEPS if film else ROW_STEPS if down else SHEET_STEPS)
     columns = _axis(run, options["over"], steps, options["low"], options["high"])
@@ -81,7 +81,7 @@ def extrapolations(request: CommandRequest, run: Run) -> list[str]:
     return sentences
 
 
-def _kept(path: Path) -> tuple[Setting, Camera | None, Color | None]:
+def _read_state(path: Path) -> tuple[Setting, Camera | None, Color | None]:
     """The setting, camera and background that a picture keeps."""
     record = record_of(path)
     try:
@@ -96,12 +96,12 @@ def _kept(path: Path) -> tuple[Setting, Camera | None, Color | None]:
 def _setting(run: Run, assignments: Sequence[str], color_map: str, like: Setting) -> Setting:
     """The setting of assignments over `like` over the middle of all bounds, checked as a message of the page is."""
     space = run.surrogate.space
-    known = [*space.names, *run.surrogate.visualization_names]
-    asked = dict(_assignment(text, known) for text in assignments)
-    strange = [name for name in asked if name not in known]
+    names = [*space.names, *run.surrogate.visualization_names]
+    texts = dict(_assignment(text, names) for text in assignments)
+    strange = [name for name in texts if name not in names]
     if strange:
-        raise ValueError(f"unknown parameter {', '.join(strange)}: this surrogate has {', '.join(known) or 'none'}")
-    values = {name: _displacement(run, name, value) for name, value in asked.items()}
+        raise ValueError(f"unknown parameter {', '.join(strange)}: this surrogate has {', '.join(names) or 'none'}")
+    values = {name: _displacement(run, name, value) for name, value in texts.items()}
     varied = {name: value for name, value in values.items() if name not in space.names}
     middle = {p.name: p.middle for p in space.parameters}
     simulated = {name: value for name, value in values.items() if name in space.names}
@@ -135,9 +135,9 @@ def _axis(run: Run, name: str, steps: int, *ends: float | None) -> Axis:
     return axis_of(run, name, steps, *(None if end is None else _displacement(run, name, end) for end in ends))
 
 
-def _assignment(text: str, known: Sequence[str]) -> tuple[str, float | str]:
-    """Name and value; a `known` name may hold a "=" or begin with a space."""
-    length = max((len(name) for name in known if text.startswith(f"{name}=")), default=-1)
+def _assignment(text: str, names: Sequence[str]) -> tuple[str, float | str]:
+    """Name and value; one of `names` may hold a "=" or begin with a space."""
+    length = max((len(name) for name in names if text.startswith(f"{name}=")), default=-1)
     name, _, value = (part.strip() for part in text.partition("="))
     if length >= 0:
         name, value = text[:length], text[length + 1 :].strip()

@@ -28,8 +28,8 @@ def snippet(
     [0, 1]) the picture is transparent.  Raises ValueError where the surrogate can't show the setting's colours.
     """
     function = _function_lines(setting, surrogate) if setting.color_map else []
-    asked = ["function", *_arguments(setting.parameters)] if function else _arguments(setting.values)
-    picture = f"surrogate.{'under' if function else 'at'}({', '.join(asked)})"
+    arguments = ["function", *_arguments(setting.parameters)] if function else _arguments(setting.values)
+    picture = f"surrogate.{'under' if function else 'at'}({', '.join(arguments)})"
     behind = "" if background is None else f", background={tuple(float(part) for part in background)!r}"
     program = [
         "from pathlib import Path",

@@ -124,10 +124,10 @@ class Sweep:
     def described(self, origins: Mapping[str, float] | None = None) -> str:
         """In a line; control points are given by their places, see `Run.origins`."""
         over = " and ".join(str(axis) for axis in reversed(self.axes))
-        return f"{len(self)} pictures over {over}" + (f", {listed(self.kept, origins)}" if self.kept else "")
+        return f"{len(self)} pictures over {over}" + (f", {listed(self.fixed, origins)}" if self.fixed else "")
 
     @property
-    def kept(self) -> dict[str, float | str]:
+    def fixed(self) -> dict[str, float | str]:
         """All values of the base that don't vary."""
         varied = [axis.name for axis in self.axes]
         return {name: value for name, value in self.base.values.items() if name not in varied}
@@ -172,15 +172,15 @@ def pictures(
             "choose fewer steps or smaller pictures"
         )
     check(sweep, surrogate)
-    shown = settings(sweep)
+    all_settings = settings(sweep)
 
-    def drawn() -> Iterator[NDArray[np.float32]]:
-        for done, setting in enumerate(shown, start=1):
+    def images() -> Iterator[NDArray[np.float32]]:
+        for done, setting in enumerate(all_settings, start=1):
             picture = setting.gaussians(surrogate).render(camera, background=background)[..., :3]
-            progress(done, len(shown))
+            progress(done, len(all_settings))
             yield picture
 
-    return drawn()
+    return images()
 
 
 def parameters_of(surrogate: Surrogate) -> dict[str, Parameter]:
@@ -194,9 +194,9 @@ def axis_of(run: Run, name: str, count: int, low: Any = None, high: Any = None) 
 
     Raises ValueError for unknown names, and for ends that are not numbers or too far out of bounds.
     """
-    known = parameters_of(run.surrogate)
-    if name not in known:
-        raise ValueError(f"unknown parameter {name!r}: this surrogate has {', '.join(sorted(known)) or 'none'}")
-    of, origin = known[name], run.origins.get(name, 0.0)
+    parameters = parameters_of(run.surrogate)
+    if name not in parameters:
+        raise ValueError(f"unknown parameter {name!r}: this surrogate has {', '.join(sorted(parameters)) or 'none'}")
+    of, origin = parameters[name], run.origins.get(name, 0.0)
     first, last = (p if end is None else within(end, of, origin) for end, p in ((low, of.low), (high, of.high)))
     return Axis(name, first, last, count, of.unit, of.scale, origin)

@@ -106,8 +106,10 @@ class MeasuredFamily:
 
     def shows(self, visualization: NDArray[np.float64]) -> bool:
         """True if visualization parameters (V,), as in a point, lie between those of the points."""
-        shown = self.points[:, self.points.shape[1] - len(visualization) :]  # [R, V]
-        return bool(((shown.min(axis=0) <= visualization + 1e-9) & (visualization - 1e-9 <= shown.max(axis=0))).all())
+        measured = self.points[:, self.points.shape[1] - len(visualization) :]  # [R, V]
+        return bool(
+            ((measured.min(axis=0) <= visualization + 1e-9) & (visualization - 1e-9 <= measured.max(axis=0))).all()
+        )
 
     def _others(self, row: int) -> NDArray[np.bool_]:
         """The rows (R,) of other members and, unless the row shows the base, of other appearances."""

@@ -112,7 +112,7 @@ class Expectation:
     members : the training members; empty without a catalog.
     training : (N, P) their simulation parameters as fractions of their ranges.
     views : the catalog's cameras; None without any.
-    seen : the field values that training showed; None where that is unknown.
+    seen_values : the field values that training showed; None where that is unknown.
     """
 
     measured: tuple[Measurement, ...]
@@ -120,7 +120,7 @@ class Expectation:
     members: tuple[Member, ...]
     training: NDArray[np.float64]
     views: Views | None = None
-    seen: SeenValues | None = None
+    seen_values: SeenValues | None = None
 
     @classmethod
     def of(
@@ -129,12 +129,12 @@ class Expectation:
         surrogate: Surrogate,
         members: Sequence[Member],
         views: Views | None = None,
-        seen: SeenValues | None = None,
+        seen_values: SeenValues | None = None,
     ) -> Expectation:
         """The expectation of these measurements; `members` are the catalog's."""
         learnt = tuple(m for m in members if m.split == "train")
         fractions = fractions_of(surrogate.space, [m.parameters for m in learnt])
-        return cls(tuple(measured), families_of(measured, surrogate), learnt, fractions, views, seen)
+        return cls(tuple(measured), families_of(measured, surrogate), learnt, fractions, views, seen_values)
 
     def at(self, setting: Setting, surrogate: Surrogate, camera: Camera | None = None) -> Expected:
         """The error to expect of `surrogate`, the one that was measured, at `setting`: a lookup.
@@ -167,9 +167,9 @@ class Expectation:
     def _new(self, setting: Setting, surrogate: Surrogate) -> float:
         """The share of what the setting's transfer function shows that training never did; 0 where that is unknown."""
         edited = set(setting.visualization) & set(POINT_PARAMETERS)
-        if self.seen is not None and edited and base_function(surrogate) is not None:
+        if self.seen_values is not None and edited and base_function(surrogate) is not None:
             with suppress(ValueError):  # control points cross
-                return self.seen.novelty(setting.transfer_function(surrogate))
+                return self.seen_values.novelty(setting.transfer_function(surrogate))
         return 0.0
 
     def _nearest_member(self, point: SettingPoint, surrogate: Surrogate) -> Expected:
@@ -201,13 +201,13 @@ def measure(run: Run, progress: Report = lambda *_: None) -> Expectation:
     return _expectation_of(measurements(run, progress), run)
 
 
-def known(run: Run) -> Expectation | None:
+def stored_expectation(run: Run) -> Expectation | None:
     """The expectation that was measured before; None where that would have to be done."""
-    kept = kept_measurements(run)
-    return None if kept is None else _expectation_of(kept, run)
+    measurements = kept_measurements(run)
+    return None if measurements is None else _expectation_of(measurements, run)
 
 
 def _expectation_of(measured: Sequence[Measurement], run: Run) -> Expectation:
     views = Views.of(run.cameras, run.middle) if measured else None
-    seen = None if run.catalog is None or not measured else SeenValues.of_training(run.catalog, run.surrogate)
-    return Expectation.of(measured, run.surrogate, run.members, views, seen)
+    field_values = None if run.catalog is None or not measured else SeenValues.of_training(run.catalog, run.surrogate)
+    return Expectation.of(measured, run.surrogate, run.members, views, field_values)

@@ -61,10 +61,10 @@ def facts(run: Run) -> Json:
     Raises as `Run.members` does.
     """
     surrogate, catalog, members = run.surrogate, run.catalog, run.members
-    found = {
+    statements = {
         "title": run.title,
         "parameters": [_parameter(p, members) for p in surrogate.space.parameters],
-        "variations": [found for v in surrogate.visualizations if (found := _variation(run, v.variation))],
+        "variations": [one for v in surrogate.visualizations if (one := _variation(run, v.variation))],
         "histogram": _histogram(_base_field(surrogate, catalog), members),
         "camera": _first_orbit(run),
         "members": [
@@ -80,13 +80,13 @@ def facts(run: Run) -> Json:
             "seconds": surrogate.training.get("seconds"),
         },
     }
-    return dict(_clean(found))
+    return dict(_clean(statements))
 
 
 def _base_field(surrogate: Surrogate, catalog: Catalog | None) -> str:
     """The name of the field that the base appearance shows; "" for the only one, and for images made elsewhere."""
-    found = _appearance(base_name(surrogate), catalog)
-    return "" if found is None else field_of(found)
+    appearance = _appearance(base_name(surrogate), catalog)
+    return "" if appearance is None else field_of(appearance)
 
 
 def _appearance(name: str, catalog: Catalog | None) -> Appearance | None:
@@ -108,7 +108,7 @@ def _bounds(parameter: Parameter) -> Json:
 def _marks(values: Sequence[tuple[str, float]]) -> Json:
     """The values of training and of validation, given with their splits: each once, sorted, some of very many."""
     by_split = {split: sorted({value for of, value in values if of == split}) for split in MARKED}
-    return {split: [found[i] for i in spread(len(found), MOST_TICKS)] for split, found in by_split.items()}
+    return {split: [places[i] for i in spread(len(places), MOST_TICKS)] for split, places in by_split.items()}
 
 
 def _variation(run: Run, variation: Variation) -> Json | None:
@@ -125,8 +125,8 @@ def _variation(run: Run, variation: Variation) -> Json | None:
 
 def _label(run: Run, appearance: str) -> str:
     """The name and the unit of the field that an appearance shows; "" where nothing is known."""
-    found = _appearance(appearance, run.catalog)
-    return "" if found is None or run.catalog is None else run.catalog.plan.field_label(field_of(found))
+    match = _appearance(appearance, run.catalog)
+    return "" if match is None or run.catalog is None else run.catalog.plan.field_label(field_of(match))
 
 
 def _functions(run: Run, variation: Variation) -> Json | None:
@@ -167,17 +167,17 @@ def _gradient(points: Sequence[tuple[float, float, float, float]], low: float, h
 
 def _histogram(field: str, members: Sequence[Member]) -> Json | None:
     """Of the field over members' summaries, of very many evenly chosen ones; damaged summaries are left out."""
-    found: list[tuple[NDArray[Any], NDArray[np.float64]]] = []  # counts [B] and edges [B + 1]
+    histograms: list[tuple[NDArray[Any], NDArray[np.float64]]] = []  # counts [B] and edges [B + 1]
     for member in (members[i] for i in spread(len(members), MOST_SUMMARIES)):
         with suppress(ValueError):
             summary = member.summary(field)
             if summary is not None and _proper(summary):
-                found.append((summary.histogram, summary.bin_edges))
-    if not found:
+                histograms.append((summary.histogram, summary.bin_edges))
+    if not histograms:
         return None
-    low, high = min(float(edges[0]) for _, edges in found), max(float(edges[-1]) for _, edges in found)
+    low, high = min(float(edges[0]) for _, edges in histograms), max(float(edges[-1]) for _, edges in histograms)
     places = np.linspace(low, high, BINS + 1)  # [BINS + 1]
-    below = [np.interp(places, edges, np.concatenate([[0.0], np.cumsum(counts)])) for counts, edges in found]
+    below = [np.interp(places, edges, np.concatenate([[0.0], np.cumsum(counts)])) for counts, edges in histograms]
     heights = np.log1p(np.diff(np.sum(below, axis=0)).clip(0.0))  # [BINS]
     heights = heights / max(float(heights.max()), 1e-300)
     return {"edges": places.tolist(), "heights": heights.tolist()}

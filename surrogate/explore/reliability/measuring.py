@@ -71,9 +71,9 @@ def measurements(run: Run, progress: Report = lambda *_: None) -> tuple[Measurem
 
     Empty without a catalog.  Where `progress` raises, nothing is kept.  Raises as `Run.members` does.
     """
-    kept = kept_measurements(run)
-    if kept is not None or run.catalog is None:
-        return kept or ()
+    previous = kept_measurements(run)
+    if previous is not None or run.catalog is None:
+        return previous or ()
     key, started = key_of(run), time.process_time()
     measured = tuple(_measured(run.surrogate, run.catalog, cases_of(run.surrogate, run.members), progress))
     if run.folder is not None:
@@ -87,10 +87,10 @@ def kept_measurements(run: Run) -> tuple[Measurement, ...] | None:
     """Those that were measured before; empty without a catalog, None where they must be measured.  Raises as `Run.members` does."""
     if run.catalog is None:
         return ()
-    kept = None if run.folder is None else Record.load(run.folder / FILE, KIND, VERSION, key_of(run))
-    if kept is not None:
+    record = None if run.folder is None else Record.load(run.folder / FILE, KIND, VERSION, key_of(run))
+    if record is not None:
         with suppress(KeyError, TypeError, ValueError):  # it is measured anew
-            return tuple(Measurement(**values) for values in kept.values["measured"])
+            return tuple(Measurement(**values) for values in record.values["measured"])
     return None
 
 
@@ -110,11 +110,11 @@ def cases_of(surrogate: Surrogate, members: Sequence[Member]) -> list[PlannedMea
 
     Of training members only validation views are taken.  Of many cases some are chosen evenly.
     """
-    shown = appearances_of(surrogate, ("train", "validation"))
+    settings = appearances_of(surrogate, ("train", "validation"))
     base = base_name(surrogate)
-    validation = [case for m in members if m.split == "validation" for case in _cases(m, shown)]
+    validation = [case for m in members if m.split == "validation" for case in _cases(m, settings)]
     learnt = [m for m in members if m.split == "train" and "validation" in m.view_splits]
-    training = [case for m in learnt for case in _cases(m, shown)]
+    training = [case for m in learnt for case in _cases(m, settings)]
     at_base = [case for case in training if case.appearance == base]
     return [
         *(validation[i] for i in spread(len(validation), MOST_VALIDATION)),
@@ -123,14 +123,14 @@ def cases_of(surrogate: Surrogate, members: Sequence[Member]) -> list[PlannedMea
     ]
 
 
-def _cases(member: Member, shown: Mapping[str, Mapping[str, float | str]]) -> list[PlannedMeasurement]:
+def _cases(member: Member, settings: Mapping[str, Mapping[str, float | str]]) -> list[PlannedMeasurement]:
     """The member in each of the appearances that it was rendered in, at validation views; at training views without any."""
-    seen = "validation" not in member.view_splits
-    known = [i for i, split in enumerate(member.view_splits) if split == ("train" if seen else "validation")]
-    views = tuple(known[i] for i in spread(len(known), VIEWS))
+    by_training = "validation" not in member.view_splits
+    numbers = [i for i, split in enumerate(member.view_splits) if split == ("train" if by_training else "validation")]
+    views = tuple(numbers[i] for i in spread(len(numbers), VIEWS))
     return [
-        PlannedMeasurement(member, a, varied, views, seen)
-        for a, varied in shown.items()
+        PlannedMeasurement(member, a, varied, views, by_training)
+        for a, varied in settings.items()
         if a in member.appearances and views
     ]
 
@@ -151,19 +151,19 @@ def _measured(
     total, counted = sum(len(case.views) for case in planned), itertools.count(1)
     for case in planned:
         member, deformed = case.member, Setting(case.member.parameters, case.varied).gaussians(surrogate)
-        found: list[float] = []
+        scores: list[float] = []
         for view in case.views:
             with suppress(ImageError):
-                found.append(psnr_of(deformed, catalog, member, case.appearance, view))
+                scores.append(psnr_of(deformed, catalog, member, case.appearance, view))
             progress("what to expect", next(counted), total)
-        if found:
-            shown = dict(member.parameters), case.appearance, dict(case.varied)
-            yield Measurement(member.name, member.split, *shown, tuple(found), case.seen_views)
+        if scores:
+            place = dict(member.parameters), case.appearance, dict(case.varied)
+            yield Measurement(member.name, member.split, *place, tuple(scores), case.seen_views)
 
 
 def psnr_of(deformed: DeformedGaussians, catalog: Catalog, member: Member, appearance: str, view: int) -> float:
     """The PSNR, dB, of what the Gaussians show against a stored picture; raises ImageError where that can't be read."""
     background = catalog.plan.background
     truth, camera = catalog.image(member, appearance, view), member.cameras[view]
-    drawn = deformed.render(camera, background=background)
-    return psnr(composite(truth, background or WHITE), composite(drawn, background or WHITE))
+    image = deformed.render(camera, background=background)
+    return psnr(composite(truth, background or WHITE), composite(image, background or WHITE))

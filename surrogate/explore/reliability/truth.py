@@ -77,22 +77,22 @@ class Truth:
 
         Raises ValueError for visualization parameters that belong to no variation.
         """
-        found = _same(self._space, values_of(self._space, [setting.parameters]), self._values)
-        if found is None or setting.color_map:
+        number = _same(self._space, values_of(self._space, [setting.parameters]), self._values)
+        if number is None or setting.color_map:
             return None
-        member, appearance = self.members[found], self._appearance_at(setting)
+        member, appearance = self.members[number], self._appearance_at(setting)
         differences = np.abs(self._descriptors(member) - _descriptor(camera, self.middle)).max(axis=1)  # [V]
         view = int(differences.argmin())
         if appearance is None or appearance not in member.appearances or differences[view] > SAME_CAMERA:
             return None
-        return self._stored(member, appearance, view)
+        return self._stored_picture(member, appearance, view)
 
-    def picture(self, stored: StoredPicture) -> NDArray[np.float32]:
+    def picture(self, match: StoredPicture) -> NDArray[np.float32]:
         """The picture at its own size, (H, W, 4) float32 premultiplied RGBA; opaque where the catalog has a background.
 
         Raises ImageError where its file is absent or damaged.
         """
-        return self.catalog.image(stored.member, stored.appearance, stored.view, dtype="float32")
+        return self.catalog.image(match.member, match.appearance, match.view, dtype="float32")
 
     def nearest(self, setting: Setting, camera: Camera) -> StoredPicture | None:
         """The picture most like what the setting shows: first by appearance, then by member, then by view; None without members.
@@ -103,7 +103,7 @@ class Truth:
             return None
         appearance = self.nearest_appearance(setting) or self.base
         member = self.nearest_member(setting, appearance)
-        return self._stored(member, appearance, self.nearest_view(camera, member))
+        return self._stored_picture(member, appearance, self.nearest_view(camera, member))
 
     def nearest_member(self, setting: Setting, appearance: str) -> Member:
         """The nearest in simulation parameters of the members that show the appearance; raises ValueError without any.
@@ -131,10 +131,10 @@ class Truth:
         if variation is None or not variation.continuous:
             names = {self._appearance_at(setting): 0.0}
         else:
-            wanted, known = variation.normalize(values), self._settings(variation)  # [V]
-            names = {name: float(np.linalg.norm(variation.normalize(v) - wanted)) for name, v in known.items()}
-        stored = (name for name in names if name in self.catalog.appearance_names)
-        return min(stored, key=names.__getitem__, default=None)
+            wanted, settings = variation.normalize(values), self._settings(variation)  # [V]
+            names = {name: float(np.linalg.norm(variation.normalize(v) - wanted)) for name, v in settings.items()}
+        present = (name for name in names if name in self.catalog.appearance_names)
+        return min(present, key=names.__getitem__, default=None)
 
     @property
     def _space(self) -> ParameterSpace:
@@ -145,22 +145,22 @@ class Truth:
         return values_of(self._space, [member.parameters for member in self.members])  # [M, P]
 
     @cached_property
-    def _kept(self) -> dict[int, NDArray[np.float64]]:
+    def _by_cameras(self) -> dict[int, NDArray[np.float64]]:
         return {}
 
     def _descriptors(self, member: Member) -> NDArray[np.float64]:
         """The `_descriptor` of each of the member's cameras, (V, 17); kept."""
         key = id(member.cameras)
-        if key not in self._kept:
-            self._kept[key] = np.array([_descriptor(camera, self.middle) for camera in member.cameras])
-        return self._kept[key]
+        if key not in self._by_cameras:
+            self._by_cameras[key] = np.array([_descriptor(camera, self.middle) for camera in member.cameras])
+        return self._by_cameras[key]
 
     def _settings(self, variation: Variation) -> dict[str, tuple[float, ...]]:
         """The values (V,) of each of the variation's appearances, by name, the base among them where it has some."""
         base = {self.base: (0.0,) * len(variation.space)} if variation.edits_base else {}
         return base | {s.appearance: s.values for s in variation.settings}
 
-    def _stored(self, member: Member, appearance: str, view: int) -> StoredPicture:
+    def _stored_picture(self, member: Member, appearance: str, view: int) -> StoredPicture:
         setting = self.catalog.plan.setting(appearance)
         return StoredPicture(member, appearance, view, "" if setting is None else setting.split)
 
@@ -169,16 +169,16 @@ class Truth:
         variation, values = variation_of(setting.visualization, self.variations)
         if variation is None:
             return self.base
-        known = self._settings(variation)
-        found = _same(variation.space, np.array(values), np.array([*known.values()]))
-        return None if found is None else [*known][found]
+        settings = self._settings(variation)
+        number = _same(variation.space, np.array(values), np.array([*settings.values()]))
+        return None if number is None else [*settings][number]
 
 
-def _same(space: ParameterSpace, wanted: NDArray[np.float64], known: NDArray[np.float64]) -> int | None:
-    """The first of the `known` (N, P) that agrees with what is `wanted` (P,), to 1e-9 of itself or of the parameters' ranges."""
-    slack = SAME_VALUE * np.maximum(np.abs(known), [p.high - p.low for p in space.parameters])  # [N, P]
-    found = np.flatnonzero((np.abs(known - wanted) <= slack).all(axis=1))
-    return int(found[0]) if len(found) else None
+def _same(space: ParameterSpace, wanted: NDArray[np.float64], candidates: NDArray[np.float64]) -> int | None:
+    """The first of the `candidates` (N, P) that agrees with `wanted` (P,), to 1e-9 of itself or of the parameters' ranges."""
+    slack = SAME_VALUE * np.maximum(np.abs(candidates), [p.high - p.low for p in space.parameters])  # [N, P]
+    matches = np.flatnonzero((np.abs(candidates - wanted) <= slack).all(axis=1))
+    return int(matches[0]) if len(matches) else None
 
 
 def _descriptor(camera: Camera, middle: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -43,7 +43,7 @@ class Views:
     @classmethod
     def of(cls, cameras: Sequence[Camera], middle: NDArray[np.float64]) -> Views | None:
         """Those of the cameras that look towards the middle, evenly chosen ones of very many; None without any."""
-        rows = np.array([_seen(cameras[i], middle) for i in spread(len(cameras), MOST_CAMERAS)])  # [K, 6]
+        rows = np.array([_view_of(cameras[i], middle) for i in spread(len(cameras), MOST_CAMERAS)])  # [K, 6]
         rows = rows[rows[:, 3] > 0] if len(rows) else rows.reshape(0, 6)
         if not len(rows):
             return None
@@ -55,7 +55,7 @@ class Views:
 
     def cover(self, camera: Camera) -> bool:
         """True if some stored camera sees about what `camera` sees."""
-        *direction, distance, size, aside = _seen(camera, self.middle)
+        *direction, distance, size, aside = _view_of(camera, self.middle)
         if distance <= 0:  # it looks away
             return False
         nearer = min(distance / self.distances[0], size / self.sizes[0]) < 1.0 / FACTOR
@@ -64,7 +64,7 @@ class Views:
         return not (nearer or farther or aside > self.aside + ASIDE or apart > max(self.gap, LEAST_ANGLE) + 1e-6)
 
 
-def _seen(camera: Camera, middle: NDArray[np.float64]) -> tuple[float, ...]:
+def _view_of(camera: Camera, middle: NDArray[np.float64]) -> tuple[float, ...]:
     """Unit vector towards the camera (3), distance, half of the shorter side at that distance, and the share aside."""
     towards = camera.rotation @ middle + camera.world_to_camera[:3, 3]  # [3], in camera axes
     away = -(camera.rotation.T @ towards) / max(float(np.linalg.norm(towards)), 1e-300)  # [3]

@@ -67,12 +67,12 @@ class Sockets:
 
     def _answer(self, message: WSMessage) -> bytes:
         try:
-            asked = parsed(message.data) if message.type is WSMsgType.TEXT else None
-            name = asked.get("call") if isinstance(asked, dict) else None
+            question = parsed(message.data) if message.type is WSMsgType.TEXT else None
+            name = question.get("call") if isinstance(question, dict) else None
             call = self._calls.get(name) if isinstance(name, str) else None
-            if asked is None or call is None:
+            if question is None or call is None:
                 raise MessageError(f"a message is JSON text, an object whose call is one of {', '.join(self._calls)}")
-            return packed(call(asked.get("request")))
+            return packed(call(question.get("request")))
         except Exception as error:
             return packed({"error": reported(error)})
 

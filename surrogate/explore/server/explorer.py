@@ -155,15 +155,15 @@ class Explorer:
             return web.json_response({"error": "other exports are still being made: try again later"}, status=503)
         self._exports += 1
         try:
-            made = await asyncio.get_running_loop().run_in_executor(self._exporting, work)
+            file = await asyncio.get_running_loop().run_in_executor(self._exporting, work)
         except InterruptedError:
             return web.Response(status=503)
         except Exception as error:
             return web.json_response({"error": reported(error)}, status=400 if isinstance(error, ValueError) else 500)
         finally:
             self._exports -= 1
-        headers = {"Content-Disposition": f'attachment; filename="{made.name}"'}
-        return web.Response(body=made.content, content_type=made.media_type, headers=headers)
+        headers = {"Content-Disposition": f'attachment; filename="{file.name}"'}
+        return web.Response(body=file.content, content_type=file.media_type, headers=headers)
 
 
 def ports_of(run: Run) -> tuple[int, ...]:

@@ -51,22 +51,22 @@ class Frames:
         ]
         answer: dict[str, Any] = {}
         if request.truth:
-            stored = None if self.truth is None else self.truth.match(request.settings[0], request.camera)
+            match = None if self.truth is None else self.truth.match(request.settings[0], request.camera)
             answer["truth"] = None
-            if self.truth is not None and stored is not None:
-                pictures.append(composite(self.truth.picture(stored), request.background))
-                answer["truth"] = {"member": stored.member.name, "view": stored.view, "sentence": stored.sentence}
+            if self.truth is not None and match is not None:
+                pictures.append(composite(self.truth.picture(match), request.background))
+                answer["truth"] = {"member": match.member.name, "view": match.view, "sentence": match.sentence}
         if (request.difference or request.truth) and len({p.shape for p in pictures}) == 1 < len(pictures):
-            found = difference_of(*pictures)
-            pictures.append(found.picture)
-            answer["difference"] = {"psnr": found.psnr, "maximum": found.maximum, "high": found.high}
-        drawn = 1e3 * (time.perf_counter() - started)
+            difference = difference_of(*pictures)
+            pictures.append(difference.picture)
+            answer["difference"] = {"psnr": difference.psnr, "maximum": difference.maximum, "high": difference.high}
+        milliseconds = 1e3 * (time.perf_counter() - started)
         return answer | {
             "pictures": [encode(picture, request.form) for picture in pictures],
             "form": request.form,
             "size": [request.camera.width, request.camera.height],
             "expected": self._expected(request),
-            "drawn": drawn,
+            "drawn": milliseconds,
         }
 
     def _expected(self, request: FrameRequest) -> list[dict[str, Any]] | None:
@@ -81,11 +81,11 @@ class Frames:
 
         `parameters`, `visualization`, and `orbit` as in `surrogate.explore.reliability.facts`.
         """
-        stored = None if self.truth is None else self.truth.nearest(request.settings[0], request.camera)
-        if self.truth is None or stored is None:
+        match = None if self.truth is None else self.truth.nearest(request.settings[0], request.camera)
+        if self.truth is None or match is None:
             return None
         return {
-            "parameters": dict(stored.member.parameters),
-            "visualization": self.truth.appearances[stored.appearance],
-            "orbit": orbit_of(stored.camera, self.truth.middle),
+            "parameters": dict(match.member.parameters),
+            "visualization": self.truth.appearances[match.appearance],
+            "orbit": orbit_of(match.camera, self.truth.middle),
         }

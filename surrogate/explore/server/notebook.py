@@ -90,5 +90,7 @@ def show(
     JupyterHub sets it, and "" goes to this machine's own port all the same.  Raises ModuleNotFoundError without the
     extra `[explore]`, RuntimeError where no server can start.
     """
-    found = Run("surrogate", surrogate) if run is None else replace(Run.open(run), surrogate=surrogate)
-    return NotebookExplorer(found, height=height, base_url=os.environ.get(HUB, "") if base_url is None else base_url)
+    shown_run = Run("surrogate", surrogate) if run is None else replace(Run.open(run), surrogate=surrogate)
+    return NotebookExplorer(
+        shown_run, height=height, base_url=os.environ.get(HUB, "") if base_url is None else base_url
+    )

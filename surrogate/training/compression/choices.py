@@ -57,10 +57,10 @@ class Search:
             self.current = trial
         return psnr >= self.enough
 
-    def made(self, name: str, kept: str) -> tuple[FittedGaussians, Choice]:
-        """The end of the choice called `name`, with its result `kept` in words."""
+    def end(self, name: str, result: str) -> tuple[FittedGaussians, Choice]:
+        """The end of the choice called `name`, with its result in words."""
         after = self._evaluator.measure(self.current)
-        return self.current, Choice(name, kept, self.options, self.before, after)
+        return self.current, Choice(name, result, self.options, self.before, after)
 
 
 def choose_fine_tuning(fitted: FittedGaussians, evaluator: Evaluator) -> tuple[FittedGaussians, Choice]:
@@ -68,11 +68,11 @@ def choose_fine_tuning(fitted: FittedGaussians, evaluator: Evaluator) -> tuple[F
     before = evaluator.measure(fitted)
     trial = evaluator.fine_tuned(fitted, -1)
     psnr = evaluator.psnr(trial)
-    kept = psnr > before.psnr
-    current = trial if kept else fitted
+    is_better = psnr > before.psnr
+    current = trial if is_better else fitted
     options = [Option("as stage 2 left it", before.psnr), Option("after a recovery", psnr)]
     after = evaluator.measure(current, max(psnr, before.psnr))
-    return current, Choice("steps at low rates", options[kept].name, options, before, after)
+    return current, Choice("steps at low rates", options[is_better].name, options, before, after)
 
 
 def choose_attributes(fitted: FittedGaussians, evaluator: Evaluator) -> tuple[FittedGaussians, Choice]:
@@ -92,7 +92,7 @@ def choose_attributes(fitted: FittedGaussians, evaluator: Evaluator) -> tuple[Fi
     moving = ", ".join(
         SAID.get(name, name) for name in fitted.gaussians.tensors() if search.current.deformation.moves(name)
     )
-    return search.made("attributes that deform", moving or "none")
+    return search.end("attributes that deform", moving or "none")
 
 
 def choose_modes(fitted: FittedGaussians, evaluator: Evaluator) -> tuple[FittedGaussians, Choice]:
@@ -112,7 +112,7 @@ def choose_modes(fitted: FittedGaussians, evaluator: Evaluator) -> tuple[FittedG
         if fewer < 1 or not search.accepts(cut(fewer), str(fewer), turn):
             break
         count = fewer
-    return search.made("modes of deformation", str(count))
+    return search.end("modes of deformation", str(count))
 
 
 def choose_gaussians(fitted: FittedGaussians, evaluator: Evaluator) -> tuple[FittedGaussians, Choice]:
@@ -125,7 +125,7 @@ def choose_gaussians(fitted: FittedGaussians, evaluator: Evaluator) -> tuple[Fit
             few = len(current.gaussians) - len(trial.gaussians) < max(1.0, WORTHWHILE * len(current.gaussians))
             if few or not search.accepts(trial, f"{len(trial.gaussians):,}", len(search.options)):
                 break
-    return search.made("Gaussians", f"{len(search.current.gaussians):,}")
+    return search.end("Gaussians", f"{len(search.current.gaussians):,}")
 
 
 def _pruned(fitted: FittedGaussians, evaluator: Evaluator, enough: float) -> FittedGaussians:
@@ -135,10 +135,10 @@ def _pruned(fitted: FittedGaussians, evaluator: Evaluator, enough: float) -> Fit
     weights = importance(fitted.at, some, evaluator.rasterizer, ranks)
     order = torch.argsort(weights, descending=True, stable=True)  # [N]
 
-    def kept(count: int) -> FittedGaussians:
+    def first(count: int) -> FittedGaussians:
         return fitted.of(order[:count].sort().values)
 
-    return kept(least(1, len(order), lambda count: evaluator.psnr(kept(count)) >= enough))
+    return first(least(1, len(order), lambda count: evaluator.psnr(first(count)) >= enough))
 
 
 def least(low: int, high: int, will_do: Callable[[int], bool]) -> int:
@@ -172,8 +172,8 @@ def importance(
         with torch.no_grad():
             deformed = gaussians_at(example.parameters)
         colors = deformed.means.new_zeros(len(deformed), 3, requires_grad=True)
-        drawn = rasterizer.draw(replace(deformed, colors=colors), example.camera)
-        (by_colors,) = torch.autograd.grad(drawn.color[..., 0].sum(), colors)
+        rendering = rasterizer.draw(replace(deformed, colors=colors), example.camera)
+        (by_colors,) = torch.autograd.grad(rendering.color[..., 0].sum(), colors)
         total += by_colors[:, 0]
     ranks.add(total)
     return total

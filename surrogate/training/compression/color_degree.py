@@ -42,9 +42,9 @@ def choose_visualized_color_degree(
     The choice is None where the settings give the degree, or the base's colours depend on the direction already.  It is also None
     for transfer functions, for surfaces whose light is known, and without validation images.
     """
-    asked, least = source.settings.visualization_color_degree, fitted.gaussians.color_degree
-    if asked != "auto":
-        return max(int(asked), least), None
+    degree, least = source.settings.visualization_color_degree, fitted.gaussians.color_degree
+    if degree != "auto":
+        return max(int(degree), least), None
     if lighting_of(variation, source) is not None:
         return 0, None
     if variation.edits_base or least == 1 or not evaluator.data.validation:

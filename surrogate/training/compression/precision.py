@@ -65,17 +65,17 @@ def _in_fewest_bits(
     before: float,
     tolerance: float,
 ) -> tuple[Model, dict[str, Encoding], Choice]:
-    kept, chosen, options = dict(tensors), dict[str, Encoding](), [Option("all in float32", before)]
+    current, chosen, options = dict(tensors), dict[str, Encoding](), [Option("all in float32", before)]
     largest_first = sorted(tensors, key=lambda name: (-tensors[name].numel(), name))
     for tensor in largest_first:
         for encoding in _encodings(tensors[tensor]):
-            trial = kept | {tensor: encoding.decoded()}
+            trial = current | {tensor: encoding.decoded()}
             psnr = psnr_of(load(trial))
             if psnr >= before - tolerance:
-                kept, chosen[tensor] = trial, encoding
+                current, chosen[tensor] = trial, encoding
                 break
             options.append(Option(f"{tensor} in {encoding.form}", psnr))
-    model = load(kept)
+    model = load(current)
     options.append(Option("as kept", psnr_of(model)))
     return model, chosen, Choice(name, _said(largest_first, chosen), options)
 
@@ -85,9 +85,9 @@ def _encodings(tensor: Tensor) -> list[Encoding]:
 
     That is their own order, but for so few rows that the two numbers which levels need for each column weigh more.
     """
-    found = [encode(tensor, form) for form in FORMATS]
-    kept = [e for e in found if e.saved_bytes > 0 and torch.isfinite(e.decoded()).all()]
-    return sorted(kept, key=lambda e: -e.saved_bytes) if len(tensor) < FEWEST_ROWS else kept
+    encodings = [encode(tensor, form) for form in FORMATS]
+    useful = [e for e in encodings if e.saved_bytes > 0 and torch.isfinite(e.decoded()).all()]
+    return sorted(useful, key=lambda e: -e.saved_bytes) if len(tensor) < FEWEST_ROWS else useful
 
 
 def _said(names: Sequence[str], chosen: Mapping[str, Encoding]) -> str:
@@ -96,4 +96,4 @@ def _said(names: Sequence[str], chosen: Mapping[str, Encoding]) -> str:
     for name in names:
         forms.setdefault(chosen[name].form if name in chosen else "float32", []).append(name)
     (usual, _), *others = sorted(forms.items(), key=lambda item: -len(item[1]))
-    return "; ".join([usual, *(f"{form} for {', '.join(kept)}" for form, kept in others)])
+    return "; ".join([usual, *(f"{form} for {', '.join(group)}" for form, group in others)])

@@ -118,7 +118,7 @@ def test_compared_functions_are_spread_over_all(tmp_path: Path) -> None:
 )
 def test_a_share_is_rounded_up(tmp_path: Path, share: float, members: int, count: int) -> None:
     varied = replace(scene(tmp_path, VARIED).varied[0], share=share)
-    assert len(varied.drawn([f"m{i}" for i in range(members)], np.random.default_rng(0))) == count
+    assert len(varied.choose([f"m{i}" for i in range(members)], np.random.default_rng(0))) == count
 
 
 @pytest.mark.parametrize(

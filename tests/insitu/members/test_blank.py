@@ -71,7 +71,10 @@ def test_it_is_said_once_a_session_and_recorded_of_every_member(tmp_path: Path) 
     with session(tmp_path, HIGH, volume((-2.0, 0.0), (1.0, 0.9), name="seen"), heard=heard) as hook:
         members = [hook.render_member(FIELD - shift, {"a": shift}, spacing=1.0) for shift in (0.0, 0.5, 0.9)]
     assert len(heard) == 3
-    assert heard[2] == "a.cdb so far: 3 of 3 members are to learn from: a surrogate needs 5 or more"
+    assert (
+        heard[2]
+        == "a.cdb so far: 3 of 3 members are to learn from: a surrogate of fewer than 4 can at best blend between them"
+    )
     assert heard[1].startswith("3 of 3 members had this warning: dvr: every picture is blank")
     assert [len(member.warnings) for member in members] == [1, 1, 1]
     assert "from -2.9" in members[2].warnings[0]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from surrogate.evaluation.cases import Case, base_cells, base_validation, drawn, drawn_evenly
+from surrogate.evaluation.cases import Case, base_cells, base_validation, drawn_evenly, sample_of
 from tests.support.varied_blobs import varied_catalog, varied_surrogate
 
 
@@ -23,11 +23,11 @@ def test_equally_many_of_each_group_are_drawn(tmp_path: Path) -> None:
 def test_some_are_drawn_without_replacement_and_in_order(tmp_path: Path) -> None:
     member = varied_catalog(tmp_path / "a.cdb", varied_surrogate()).member("train-0")
     cases = [Case(member, view, "dvr") for view in range(50)]
-    views = [case.view for case in drawn(cases, 20)]
+    views = [case.view for case in sample_of(cases, 20)]
     assert len(set(views)) == 20
     assert views == sorted(views)
-    assert drawn(cases, 20) == drawn(cases, 20)
-    assert drawn(cases, 50) == cases
+    assert sample_of(cases, 20) == sample_of(cases, 20)
+    assert sample_of(cases, 50) == cases
 
 
 def test_without_validation_members_their_views_are_taken(tmp_path: Path) -> None:

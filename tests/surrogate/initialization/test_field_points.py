@@ -111,9 +111,9 @@ def test_points_are_drawn_of_one_member_in_the_share_asked_for(
 ) -> None:
     catalog = catalog_of(tmp_path, {name: {"": summary(points, even, number)} for number, name in enumerate("ac")})
     known = gathered(catalog)
-    drawn = known.drawn(1, 4000, np.random.default_rng(0), even_share=asked)
+    drawn = known.sample(1, 4000, np.random.default_rng(0), even_share=asked)
     assert (known.members[drawn] == 1).all()
     assert known.evenly[drawn].mean() == pytest.approx(expected, abs=0.05)
     assert len(np.unique(drawn)) == points * (expected < 1.0) + even * (expected > 0.0)
     with pytest.raises(IndexError, match="row 2"):
-        known.drawn(2, 1, np.random.default_rng(0))
+        known.sample(2, 1, np.random.default_rng(0))

@@ -195,12 +195,12 @@ def test_what_diverges_in_one_process_has_diverged_in_all(catalog: Catalog, tmp_
     failing = TRAINING.replace(
         "settings =",
         "from surrogate.training.loop import StageRun, Diverged\n"
-        "drawn = StageRun._drawn\n"
+        "drawn = StageRun._render\n"
         "def spoilt(run, *drawing):\n"
         "    if os.environ['RANK'] == '1' and run.step == 6:\n"
         "        raise Diverged('training diverged here')\n"
         "    return drawn(run, *drawing)\n"
-        "StageRun._drawn = spoilt\n"
+        "StageRun._render = spoilt\n"
         "settings =",
         1,
     )
@@ -282,7 +282,7 @@ def test_a_batch_moves_by_the_mean_of_its_gradients_at_the_rate_times_its_root(c
     gradients = []
     for item in [ShuffledEpochs(len(data.examples), settings.seed)[place] for place in range(batch)]:
         example = data.examples[item]
-        picture = again._drawn(again.stage.gaussians_at(example.parameters), example)
+        picture = again._render(again.stage.gaussians_at(example.parameters), example)
         loss = image_loss(picture, torch.from_numpy(example.compared()))
         loss.backward()
         gradients.append((float(loss.detach()), again.stage.tensors["colors"].grad.clone()))

@@ -32,7 +32,7 @@ def test_the_view_itself_is_taken_where_a_member_has_it() -> None:
     pictures = MemberPictures(SPACE, "dvr", members)
     for case in CASES:
         last = len(CAMERAS) - 1
-        assert pictures.stored(case) == [(members[0], "dvr", case.view), (members[1], "dvr", last - case.view)]
+        assert pictures.images_for(case) == [(members[0], "dvr", case.view), (members[1], "dvr", last - case.view)]
     assert pictures.borrowed_degrees(CASES) == 0.0
 
 
@@ -42,7 +42,7 @@ def test_the_nearest_view_stands_in_and_the_worst_angle_is_told() -> None:
     worst = []
     for case in CASES:
         angles = [np.degrees(np.arccos(np.clip(c.forward @ case.camera.forward, -1, 1))) for c in few]
-        (_, _, first), (_, _, second) = pictures.stored(case)
+        (_, _, first), (_, _, second) = pictures.images_for(case)
         assert first == case.view
         assert angles[second] == pytest.approx(min(angles), abs=1e-6)
         worst.append(min(angles))
@@ -55,7 +55,7 @@ def test_a_camera_is_told_from_the_same_one_rolled_about_its_axis() -> None:
     rolled = Camera.look_at((0, 0, 5), (0, 0, 0), vertical_fov_degrees=30, width=8, height=8, up=(1, 0, 0))
     pictures = MemberPictures(SPACE, "dvr", [member("a", (rolled, straight))])
     wanted = member("wanted", (straight, rolled))
-    assert [pictures.stored(Case(wanted, view, "dvr"))[0][2] for view in (0, 1)] == [1, 0]
+    assert [pictures.images_for(Case(wanted, view, "dvr"))[0][2] for view in (0, 1)] == [1, 0]
 
 
 def test_every_picture_is_the_mixture_of_the_same_view(tmp_path: Path) -> None:

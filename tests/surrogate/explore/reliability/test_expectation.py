@@ -222,8 +222,8 @@ def test_nothing_is_expected_where_training_never_showed_the_values_that_a_funct
 
 def test_a_run_knows_what_its_training_showed(tmp_path: Path) -> None:
     run = Run("fields", following(), catalog=field_catalog(tmp_path / "a.cdb", summaries=True))
-    assert measure(run).seen is not None
-    assert measure(Run("alone", plain())).seen is None
+    assert measure(run).seen_values is not None
+    assert measure(Run("alone", plain())).seen_values is None
 
 
 def test_nothing_is_expected_without_a_catalog() -> None:
