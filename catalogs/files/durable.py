@@ -97,6 +97,7 @@ def write(path: Path, data: bytes) -> None:
 
 def require_writable(path: Path, remedy: str = "nothing can be written there") -> None:
     """Raise OSError, with a remedy, where nothing can be written at `path`: tried where it would be, and left as it was."""
+    require_expanded(path)
     place = path.absolute()
     while not os.path.lexists(place):
         place = place.parent

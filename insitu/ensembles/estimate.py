@@ -72,10 +72,10 @@ def estimate(scene: Scene, *, progress: Callable[[float], None] = lambda fractio
     ):
         result = session.render_member(field, pilot.parameters, appearances=pilot.appearances)
     views, count = len(scene.views.splits()), len(members)
-    shown = [len(scene.appearances if m.appearances is None else m.appearances) for m in members]
-    images = views * sum(shown)
+    appearance_counts = [len(scene.appearances if m.appearances is None else m.appearances) for m in members]
+    images = views * sum(appearance_counts)
     share = images / result.images
     sizes = Sizes(round(share * result.sizes.images), count * result.sizes.fields, views, result.sizes.whole)
     seconds = share * (result.render_seconds + result.write_seconds)
-    few = result.images // shown[members.index(pilot)]
+    few = result.images // appearance_counts[members.index(pilot)]
     return Estimate(count, images, sizes, count * field_seconds, seconds, (pilot.name, few))
