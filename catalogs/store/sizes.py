@@ -34,6 +34,9 @@ class Sizes:
         whole = self.whole and other.whole
         return Sizes(self.images + other.images, self.fields + other.fields, max(self.views, other.views), whole)
 
+    def __repr__(self) -> str:
+        return f"<Sizes: {self}, at most {self.views} views>"
+
     def __str__(self) -> str:
         fields = f"{size(self.fields)} of fields" if self.fields else "no coarse fields"
         return f"{size(self.images)} of images, {fields}"

@@ -20,12 +20,14 @@ from catalogs.files.packed import ENTRY, Pack
 from catalogs.files.png import PngHeader
 from catalogs.progress import Count
 from catalogs.store.catalog import Catalog
+from catalogs.store.coarse import CoarseField
 from catalogs.store.digests import Digests
 from catalogs.store.journal import Stamps
 from catalogs.store.members import Member
 from catalogs.store.missing import MissingMember
 from catalogs.store.notebook.cards import CardImage
 from catalogs.store.plan import CatalogPlan
+from catalogs.store.sizes import Sizes
 from catalogs.store.splits import Splits
 from catalogs.store.summary import FieldSummary
 from catalogs.tools.check import Finding
@@ -91,6 +93,11 @@ SHOWN: list[tuple[Any, str]] = [
     (PLAN, "252 views of dvr, dvr-train-01"),
     (MEMBER, "<Member a (train): Re=1500 time=0.25; 252 views of dvr, dvr-train-01"),
     (SUMMARY, "<FieldSummary from -1 to 3, 2.00 % clipped, 9 points by opacity, 0 evenly>"),
+    (
+        CoarseField(np.zeros((4, 3, 2)), (1, 1, 1), (0, 0, 0), True),
+        "<CoarseField of 2 x 3 x 4 samples, the field's own, 16 bits>",
+    ),
+    (Sizes(127_000_000, 7_800_000, 252, True), "127 MB of images, 7.8 MB of fields"),
     (PlannedMember("a", PARAMETERS, "train", MEMBER.appearances), "<PlannedMember a (train): Re=1500"),
     (ViewPlan(), "256"),
     (VariedMembers(FUNCTIONS.variation), "transfer_function of dvr"),

@@ -42,6 +42,7 @@ def test_members_are_rendered_once_and_known(calls, tmp_path: Path) -> None:
     assert dict(member.parameters) == {"k": 2.0, "time": 0.5}
     (summary,) = member.summaries().values()
     assert (summary.minimum, summary.maximum) == pytest.approx((VALUES.min(), VALUES.max()))
+    assert member.coarse_field().values == pytest.approx(VALUES.reshape(4, 5, 6), abs=1e-4)
 
 
 def test_the_field_is_read_where_it_lies_x_fastest(calls, monkeypatch) -> None:

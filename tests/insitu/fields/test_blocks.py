@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from catalogs.store.catalog import Catalog
+from catalogs.store.members import COARSE
 from render.quality import psnr
 from tests.support.mpi import under_mpi
 
@@ -54,6 +55,8 @@ def test_pictures_of_four_ranks_are_those_of_one(tmp_path: Path) -> None:
             np.testing.assert_array_equal(found.histogram, expected.histogram)
             np.testing.assert_array_equal(found.even_points, expected.even_points)
             assert (found.minimum, found.maximum) == (expected.minimum, expected.maximum)
+        coarse = [(c.member("p-0.5").path / COARSE).read_bytes() for c in (blocks, one, alone)]
+        assert coarse[0] == coarse[1] == coarse[2]  # of the few samples none is averaged
 
 
 def test_however_the_blocks_come_the_pictures_are_the_same(tmp_path: Path) -> None:
@@ -61,6 +64,9 @@ def test_however_the_blocks_come_the_pictures_are_the_same(tmp_path: Path) -> No
     for name in ("blocks", "ghosts", "shared", "levels", "blueprint"):
         assert [one[name] for one in told] == ["rendered"] * RANKS
     catalog = Catalog.open(tmp_path / "partitions.cdb")
+    own, ghosts, shared = (catalog.member(f"p-{p}").coarse_field() for p in (0.0, 0.2, 0.4))
+    for other in (ghosts, shared):
+        np.testing.assert_array_equal(other.values, own.values)
     assert worst(catalog, catalog, "plain", "p-0.2", "p-0.0") >= 80.0
     assert worst(catalog, catalog, "plain", "p-0.4", "p-0.0") >= 80.0
     assert worst(catalog, catalog, "plain", "p-0.8", "p-0.0") >= 80.0
