@@ -80,6 +80,8 @@ def make_dataset(
         raise ValueError(
             f'scene {scene.path}: simulate= is for a source of kind "hooked", not {scene.source["kind"]!r}'
         )
+    if only_coarse_fields and scene.source["kind"] in ("nerf", "catalog"):
+        raise ValueError(f"scene {scene.path}: its images were made elsewhere, and their fields are not at hand")
     if scene.source["kind"] == "catalog":
         return _checked(scene)
     folder = scene.run_directory(runs)
@@ -90,8 +92,6 @@ def make_dataset(
         progress(state)
 
     try:
-        if only_coarse_fields and not scene.appearances:
-            raise ValueError(f"scene {scene.path}: its images were made elsewhere, and no field of them is there")
         if scene.source["kind"] == "nerf":
             count, failures = _import(scene, folder, show)
         else:

@@ -145,3 +145,19 @@ def test_a_scene_is_simulated_again_for_them(tmp_path: Path) -> None:
     assert "coarse fields of 2 members added" in added.output, added.output
     here, there = (coarse_files(str(tmp_path / runs / "flow/catalog.cdb")) for runs in ("with", "without"))
     assert here == there != {}
+
+
+def test_fields_of_images_from_elsewhere_are_not_at_hand(tmp_path: Path) -> None:
+    text = 'name = "other"\n[source]\nkind = "nerf"\npath = "x"\nbounds = [[0, 0, 0], [1, 1, 1]]\n'
+    (tmp_path / "other.toml").write_text(text)
+    said = CliRunner().invoke(main, ["dataset", str(tmp_path / "other.toml"), "--add-coarse-fields"])
+    assert said.exit_code == 1
+    assert "their fields are not at hand" in said.output
+
+
+@pytest.mark.parametrize("value", ['"no"', "1"])
+def test_an_option_that_is_neither_true_nor_false_is_refused(tmp_path: Path, value: str) -> None:
+    (tmp_path / "flow.toml").write_text(SCENE + f"[render]\ncoarse_field = {value}\n" + LOOK)
+    said = CliRunner().invoke(main, ["dataset", str(tmp_path / "flow.toml")])
+    assert said.exit_code == 1
+    assert "coarse_field must be true or false" in said.output
