@@ -18,6 +18,7 @@ from catalogs.vocabulary.holes import continued
 Triple = tuple[float, float, float]
 
 SAMPLES = ("float32", "float64", "int32", "uint32", "int64", "uint64")
+LARGEST = 1e100  # world units, whose square is finite, too
 FLOAT32_INTEGERS = 1 << 24  # float32 holds every whole number up to here
 
 
@@ -58,6 +59,12 @@ class Grid:
         object.__setattr__(self, "origin", triple("origin", self.origin))
         if min(self.spacing) <= 0:
             raise ValueError(f"spacing must be positive along x, y and z, got {self.spacing}")
+        low, high = self.bounds
+        if min(self.spacing) < 1 / LARGEST or np.abs((low, high)).max() > LARGEST or not (low < high).all():
+            raise ValueError(
+                f"samples at origin {self.origin} with spacing {self.spacing} coincide in double precision, or their squares "
+                "overflow: choose another unit of length or another origin"
+            )
         frozen = np.ascontiguousarray(values).view()
         frozen.setflags(write=False)
         object.__setattr__(self, "values", frozen)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+from collections.abc import Iterable
 from typing import Any
 
 from numpy.typing import NDArray
@@ -39,11 +41,17 @@ def stored_picture(member: Member, plan: CatalogPlan, appearance: str, view: int
     return read_stored(member.path / plan.image_name(appearance, view))
 
 
-def picture_size(member: Member, plan: CatalogPlan, appearance: str, view: int) -> int:
-    """Bytes of an image's own file, also where it is packed; raises OSError or PackError where it is absent."""
+def picture_sizes(member: Member, plan: CatalogPlan, appearances: Iterable[str]) -> list[int]:
+    """Bytes of each image's own file, appearance by appearance and view by view, also where it is packed.
+
+    Raises OSError or PackError where one is absent.
+    """
+    views = range(len(member.cameras))
     if plan.packed:
-        return int(pack_of(member).entries[number_of(member, appearance, view)]["size"])
-    return (member.path / plan.image_name(appearance, view)).stat().st_size
+        entries = pack_of(member).entries
+        return [int(entries[number_of(member, name, view)]["size"]) for name in appearances for view in views]
+    folder = os.fspath(member.path)  # a path object for each of many thousands takes longer than to ask for its size
+    return [os.stat(f"{folder}/{plan.image_name(name, view)}").st_size for name in appearances for view in views]
 
 
 def pack_of(member: Member) -> Pack:

@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catalogs.vocabulary.words import joined_names
+from insitu.readers.hdf5_links import check_inside, described_links, refuse_outside
 from insitu.readers.missing import decoded
 from insitu.readers.netcdf import is_classic, read_header
 from insitu.readers.zarr_store import check_store
@@ -109,15 +110,17 @@ class LabelledArray:
 
 @dataclass(frozen=True, eq=False)
 class Arrays:
-    """An open file: its arrays by path, and the attributes of its groups by theirs ("" is the top)."""
+    """An open file: its arrays by path, the attributes of its groups by theirs ("" is the top), and links that are not followed."""
 
     arrays: Mapping[str, StoredArray]
     attrs: Mapping[str, Mapping[str, Any]]
+    links: tuple[str, ...] = ()
 
     def __str__(self) -> str:
         listed = ", ".join(map(repr, list(self.arrays.values())[:12])) or "no array"
         more = f" and {len(self.arrays) - 12} more" if len(self.arrays) > 12 else ""
-        return f"{listed}{more}; attributes: {joined_names(sorted(self.attrs.get('', {})))}"
+        links = f"; links, which are not followed: {joined_names(self.links)}" if self.links else ""
+        return f"{listed}{more}; attributes: {joined_names(sorted(self.attrs.get('', {})))}{links}"
 
     def coordinate(self, array: StoredArray, dim: str) -> StoredArray | None:
         """The real numbers along an axis of `array`: the array of one axis that is called like it, in its group or above."""
@@ -208,7 +211,7 @@ def _of_hdf5(file: h5py.File) -> Arrays:
             attrs[name] = dict(item.attrs)
 
     file.visititems(visit)
-    return Arrays(arrays, attrs)
+    return Arrays(arrays, attrs, described_links(file))
 
 
 def _dims(dataset: h5py.Dataset) -> tuple[str, ...]:
@@ -222,42 +225,10 @@ def _inside(dataset: h5py.Dataset) -> Callable[[tuple[int, ...]], Any]:
     """Reads of a data set whose values lie in its own file; raises ValueError for others."""
 
     def fetch(index: tuple[int, ...]) -> Any:
-        _check_inside(dataset)
+        check_inside(dataset)
         return dataset.asstr()[index] if h5py.check_string_dtype(dataset.dtype) else dataset[index]
 
     return fetch
-
-
-def _check_inside(dataset: h5py.Dataset) -> None:
-    folder = Path(dataset.file.filename).resolve().parent
-    names = [name for name, *_ in dataset.external or ()]
-    names += [source.file_name for source in dataset.virtual_sources()] if dataset.is_virtual else []
-    outside = [name for name in names if name != "." and not (folder / name).resolve().is_relative_to(folder)]
-    if outside:
-        raise ValueError(
-            f"data set {dataset.name!r} reads {outside[0]}, which lies outside the file's folder: copy it there"
-        )
-
-
-def _refuse_outside(file: h5py.File) -> None:
-    """Raise ValueError where anything in the file leads to another one; readers other than ours would follow it."""
-    links: list[tuple[str, str]] = []
-    sets: list[h5py.Dataset] = []
-
-    def link(name: str, target: Any) -> None:
-        if isinstance(target, h5py.ExternalLink):
-            links.append((name, target.filename))
-
-    def item(name: str, node: Any) -> None:
-        if isinstance(node, h5py.Dataset):
-            sets.append(node)
-
-    file.visititems_links(link)  # which takes no exception
-    file.visititems(item)
-    for name, other in links:
-        raise ValueError(f"{name!r} is a link to {other}: only what lies in the file itself is read")
-    for dataset in sets:
-        _check_inside(dataset)
 
 
 @contextmanager
@@ -274,7 +245,7 @@ def _netcdf(path: Path) -> Iterator[Arrays]:
         xarray = _xarray("netCDF")
         if h5py.is_hdf5(path):
             with h5py.File(path, "r") as file:
-                _refuse_outside(file)
+                refuse_outside(file)
                 unfilled, ragged = _peculiar(file)
         groups = xarray.open_groups(path, engine="h5netcdf", drop_variables=sorted(ragged), **AS_STORED)
     with _of_xarray(groups) as arrays:

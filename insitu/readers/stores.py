@@ -102,7 +102,7 @@ def opens(path: Path) -> Iterator[Arrays]:
             for array in same:
                 del by_name[array.name]
             by_name[same[0].name] = _stacked(arrays, same)
-        yield Arrays(by_name, arrays.attrs)
+        yield replace(arrays, arrays=by_name)
 
 
 def _stacked(arrays: Arrays, same: Sequence[StoredArray]) -> StoredArray:

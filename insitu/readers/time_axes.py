@@ -26,7 +26,7 @@ def open_in_time(path: str | os.PathLike[str]) -> Iterator[Arrays]:
     """As `open_arrays`, with time before the three axes of space."""
     with open_arrays(path) as arrays:
         moved = {a.name: _moved(arrays, a) for a in arrays.arrays.values() if a.is_real and len(a.shape) > 3}
-        yield Arrays({**arrays.arrays, **moved}, arrays.attrs)
+        yield replace(arrays, arrays={**arrays.arrays, **moved})
 
 
 def _moved(arrays: Arrays, array: StoredArray) -> StoredArray:

@@ -18,7 +18,7 @@ from torch import Tensor
 
 from catalogs.files import durable
 from catalogs.store.catalog import Catalog, Member
-from catalogs.store.pictures import picture_size
+from catalogs.store.pictures import picture_sizes
 from catalogs.vocabulary.appearance import appearance_to_json
 from catalogs.vocabulary.variations import Variation
 from catalogs.vocabulary.words import one_line
@@ -151,7 +151,7 @@ def _rounded_matrix(rows: Any) -> Any:
 
 def _identity(catalog: Catalog, member: Member, appearances: Sequence[str]) -> dict[str, Any]:
     """All that identifies a member's images without reading them."""
-    names, views = [a for a in appearances if a in member.appearances], range(len(member.cameras))
+    names = [a for a in appearances if a in member.appearances]
     own = member.cameras is not catalog.plan.cameras
     return {
         "name": member.name,
@@ -159,5 +159,5 @@ def _identity(catalog: Catalog, member: Member, appearances: Sequence[str]) -> d
         "split": member.split,
         "views": list(member.view_splits),
         "cameras": [camera.to_json() for camera in member.cameras] if own else None,
-        "bytes": [picture_size(member, catalog.plan, name, view) for name in names for view in views],
+        "bytes": picture_sizes(member, catalog.plan, names),
     }

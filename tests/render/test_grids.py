@@ -40,6 +40,12 @@ def test_real_numbers_of_any_kind_and_layout(dtype: type, order: str) -> None:
     np.testing.assert_array_equal(to_grid(FIELD[::-1, ::2].astype(dtype)).values, FIELD[::-1, ::2].astype(dtype))
 
 
+@pytest.mark.parametrize("unit", [1e-30, 1e-10, 1e10, 1e90])
+def test_any_unit_of_length_does(unit: float) -> None:
+    grid = to_grid(FIELD, spacing=unit, origin=(5 * unit, 0, -unit))
+    np.testing.assert_allclose(grid.bounds[1] / unit, np.array([5, 0, -1]) + np.array(FIELD.shape[::-1]) - 1)
+
+
 def test_a_constant_field_is_a_field() -> None:
     assert to_grid(np.full((2, 2, 2), 7)).values.min() == 7
 
@@ -56,6 +62,15 @@ def test_a_constant_field_is_a_field() -> None:
         (np.full((2, 2, 2), None), {}, TypeError, "real numbers, got object"),
         (FIELD, {"spacing": 0}, ValueError, "spacing must be positive along x, y and z, got (0.0, 0.0, 0.0)"),
         (FIELD, {"spacing": (1, -1, 1)}, ValueError, "spacing must be positive"),
+        (
+            FIELD,
+            {"spacing": (1, 1e300, 1)},
+            ValueError,
+            "spacing (1.0, 1e+300, 1.0) coincide in double precision, or th",
+        ),
+        (FIELD, {"spacing": 1e-300}, ValueError, "choose another unit of length or another origin"),
+        (FIELD, {"origin": (0, 0, -1e300)}, ValueError, "samples at origin (0.0, 0.0, -1e+300) with spacing"),
+        (FIELD, {"origin": (0, 1e20, 0)}, ValueError, "samples at origin (0.0, 1e+20, 0.0) with spacing"),
         (FIELD, {"spacing": (1, np.nan, 1)}, ValueError, "spacing must be three finite numbers"),
         (FIELD, {"spacing": (1, 2)}, ValueError, "spacing must be three finite numbers (x, y, z), got (1, 2)"),
         (FIELD, {"origin": (0, 0, np.inf)}, ValueError, "origin must be three finite numbers"),
