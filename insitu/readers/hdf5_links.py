@@ -10,14 +10,14 @@ import h5py
 
 def links(file: h5py.File) -> list[tuple[str, Any]]:
     """The path of every link to another file, or to another place in this one, and the link."""
-    found: list[tuple[str, Any]] = []
+    pairs: list[tuple[str, Any]] = []
 
     def visit(name: str, link: Any) -> None:  # which takes no exception
         if not isinstance(link, h5py.HardLink):
-            found.append((name, link))
+            pairs.append((name, link))
 
     file.visititems_links(visit)
-    return found
+    return pairs
 
 
 def described_links(file: h5py.File) -> tuple[str, ...]:
