@@ -30,10 +30,10 @@ def surrogate_html(surrogate: Any) -> str:
         return never_failing("Surrogate", lambda: _surrogate_card(surrogate))
 
 
-def deformed_html(deformed: Any) -> str:
-    """The card of the Gaussians of one member; never raises."""
+def member_html(member: Any) -> str:
+    """The card of one member, as its Gaussians or its emulated field; never raises."""
     with one_torch_thread():
-        return never_failing("DeformedGaussians", lambda: _deformed_card(deformed))
+        return never_failing(type(member).__name__, lambda: _member_card(member))
 
 
 def first_camera(normalization: Normalization, side: int = WIDTH) -> Camera:
@@ -45,12 +45,10 @@ def first_camera(normalization: Normalization, side: int = WIDTH) -> Camera:
 
 
 def _surrogate_card(surrogate: Any) -> str:
-    degree = surrogate.gaussians.color_degree
     rows = [
         *(("parameter", words) for words in _bounds(surrogate.space)),
         *(("follows", _followed(visualization)) for visualization in surrogate.visualizations),
-        ("Gaussians", f"{len(surrogate.gaussians):,}{', colours depend on the direction' if degree else ''}"),
-        ("deformation", surrogate.deformation.kind),
+        *_contents(surrogate),
         ("size", f"{surrogate.megabytes:.2f} MB"),
         *_trained(surrogate.training),
     ]
@@ -62,13 +60,20 @@ def _surrogate_card(surrogate: Any) -> str:
     return card("Surrogate", rows, pictures, notes, width=WIDTH)
 
 
-def _deformed_card(deformed: Any) -> str:
-    rows = [
-        *((name, _value(value)) for name, value in deformed.parameters.items()),
-        ("Gaussians", f"{len(deformed):,}"),
-    ]
-    picture = CardImage(on_background(_image_of(deformed)), title=_listed(deformed.parameters))
-    return card("Gaussians of one member", rows, [picture], width=WIDTH)
+def _contents(surrogate: Any) -> list[tuple[str, str]]:
+    """The parts of a surrogate: Gaussians, an emulator of the field, or both."""
+    contents = list[tuple[str, str]]()
+    if count := len(surrogate.gaussians):
+        directed = ", colours depend on the direction" if surrogate.gaussians.color_degree else ""
+        contents = [("Gaussians", f"{count:,}{directed}"), ("deformation", surrogate.deformation.kind)]
+    emulators = () if surrogate.field is None else surrogate.field.emulators.emulators.values()
+    return [*contents, *(("emulated field", repr(emulator).strip("<>")) for emulator in emulators)]
+
+
+def _member_card(member: Any) -> str:
+    rows = [*((name, _value(value)) for name, value in member.parameters.items()), *member.contents]
+    picture = CardImage(on_background(_image_of(member)), title=_listed(member.parameters))
+    return card("One member", rows, [picture], width=WIDTH)
 
 
 def _middle(surrogate: Any) -> CardImage:
@@ -79,8 +84,8 @@ def _middle(surrogate: Any) -> CardImage:
     return CardImage(rgb, caption if values else "", words)
 
 
-def _image_of(deformed: Any) -> NDArray[np.float32]:
-    return deformed.render(first_camera(deformed.normalization))
+def _image_of(member: Any) -> NDArray[np.float32]:
+    return member.render(first_camera(member.normalization))
 
 
 def _listed(parameters: Mapping[str, float | str]) -> str:

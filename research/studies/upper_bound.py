@@ -23,7 +23,8 @@ from surrogate.evaluation.predictor import SurrogatePredictor
 from surrogate.evaluation.scoring import mean, score_cases
 from surrogate.initialization.pictures import central_member
 from surrogate.lighting import Lighting
-from surrogate.model import DeformedGaussians, Surrogate
+from surrogate.model import DeformedGaussians, MemberModel, Surrogate
+from surrogate.model.representation import GAUSSIANS
 from surrogate.provenance import code
 from surrogate.rasterizer import Rasterizer
 from surrogate.settings import TrainingSettings
@@ -243,11 +244,11 @@ def _reached(surrogate: Surrogate | None, source: Source, subject: UpperBoundSub
     return {
         "fingerprint": surrogate.training["fingerprint"],
         "gaussians": len(surrogate.gaussians),
-        **means_of(surrogate.at, source.catalog, subject.cases()),
+        **means_of(surrogate.using(GAUSSIANS).at, source.catalog, subject.cases()),
     }
 
 
-def means_of(at: Callable[..., DeformedGaussians], catalog: Catalog, cases: Sequence[Case]) -> dict[str, float | None]:
+def means_of(at: Callable[..., MemberModel], catalog: Catalog, cases: Sequence[Case]) -> dict[str, float | None]:
     """Mean "psnr" (dB) and "ssim" of images; None where there are none."""
     [scores] = score_cases(SurrogatePredictor(at, catalog.plan.background), catalog, cases)
     return {metric: mean(scores.values(), metric) for metric in ("psnr", "ssim")}

@@ -81,7 +81,7 @@ class EmulatedFields(Mapping[str, FieldEmulator]):
     @cached_property
     def megabytes(self) -> float:
         """Size of the stored tensors, 10^6 bytes."""
-        return self._stored_form().megabytes
+        return self.stored_form().megabytes
 
     def quantity(self, name: str) -> Quantity:
         """The name and the unit of a field."""
@@ -89,7 +89,7 @@ class EmulatedFields(Mapping[str, FieldEmulator]):
 
     def save(self, directory: str | os.PathLike[str]) -> None:
         """Write `model.safetensors`, then `model.json`, which makes them emulators, into `directory`."""
-        self._stored_form().save(directory)
+        self.stored_form().save(directory)
 
     @classmethod
     def load(cls, directory: str | os.PathLike[str]) -> EmulatedFields:
@@ -97,9 +97,10 @@ class EmulatedFields(Mapping[str, FieldEmulator]):
 
         Raises FileNotFoundError where there are none, ValueError for those of a newer schema and, naming the part, for damage.
         """
-        return models.load(directory, cls._of_stored)
+        return models.load(directory, cls.of_stored)
 
-    def _stored_form(self) -> models.StoredModel:
+    def stored_form(self) -> models.StoredModel:
+        """The contents of their files."""
         by_name = {name: storage.stored_form(emulator) for name, emulator in self.emulators.items()}
         numbered = {str(number): parts for number, parts in enumerate(by_name.values())}
         record = {
@@ -118,7 +119,8 @@ class EmulatedFields(Mapping[str, FieldEmulator]):
         return models.StoredModel(joined({n: parts[0] for n, parts in numbered.items()}), record, encodings)
 
     @classmethod
-    def _of_stored(cls, model: models.StoredModel) -> EmulatedFields:
+    def of_stored(cls, model: models.StoredModel) -> EmulatedFields:
+        """Those of which `stored_form` gave this, whatever else the record holds; raises ValueError naming a damaged part."""
         with models.part("parameters"):
             space = ParameterSpace.from_json(model.record["parameters"])
         emulators: dict[str, FieldEmulator] = {}

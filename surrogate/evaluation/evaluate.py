@@ -9,7 +9,6 @@ from typing import Any
 
 from catalogs.store.catalog import Catalog
 from catalogs.vocabulary.variations import Variation
-from surrogate.deformation.visualization import Visualization
 from surrogate.evaluation.cases import (
     VALIDATION,
     Case,
@@ -30,12 +29,14 @@ from surrogate.evaluation.trivial.interpolation import joint_rules, setting_rule
 from surrogate.evaluation.trivial.members import member_mixtures
 from surrogate.evaluation.trivial.mixtures import Mixtures
 from surrogate.evaluation.trivial.settings import SettingPictures, TrainedPictures
-from surrogate.model import DeformedGaussians, Surrogate
+from surrogate.model import MemberModel, Surrogate
+from surrogate.model.representation import BOTH, FIELD, GAUSSIANS, VIEW
 from surrogate.splatting.threads import one_torch_thread
 
 VERSION = 3
 MOST_PERCEPTUAL = 40  # images of a cell: six cells at 110 ms an image (256 x 256) take 26 s
-APPLIED = "applied"
+APPLIED, EMULATED = "applied", "emulated"
+REPRESENTED = {FIELD: "the emulated field, drawn", GAUSSIANS: "the Gaussians", BOTH: "the mean of both"}
 AT_NEAREST = "the surrogate at the nearest trained setting"
 AT_CENTER = "the surrogate at the centre of the parameters"
 
@@ -68,7 +69,8 @@ class VariedEvaluation:
 
     Attributes
     ----------
-    deformation : the kind of visualization deformation; "applied" where transfer functions are applied to carried values.
+    deformation : the kind of visualization deformation; "applied" where transfer functions are applied to carried values,
+        "emulated" where the emulated field is drawn.
     cells : scored images, of unseen views, by row of `SETTINGS` and column of `PARAMETERS`.
     validation : of validation members under validation settings, from all but test views.
     milliseconds : of a "visualization_change" and of a "view_change" after it.
@@ -127,9 +129,9 @@ def evaluate(surrogate: Surrogate, catalog: Catalog, *, progress: Report = lambd
     change, view = measure(surrogate, catalog.members)
     return Evaluation(
         *scored,
-        engine.member_baselines(appearance, groups, watched),
+        [*engine.other_representations(VIEW, groups), *engine.member_baselines(appearance, groups, watched)],
         {"parameter_change": change, "view_change": view},
-        [engine.variation(visualization) for visualization in surrogate.visualizations],
+        [engine.variation(variation) for variation in surrogate.variations],
         engine.perceptual.unavailable,
         engine.at_center(AT_CENTER, cells),
     )
@@ -146,7 +148,7 @@ class _Engine:
     images: Images
 
     @property
-    def _at(self) -> Callable[..., DeformedGaussians]:
+    def _at(self) -> Callable[..., MemberModel]:
         """The surrogate at a member's parameters, which may lie outside the bounds."""
         return partial(self.surrogate.at, outside="allow")
 
@@ -185,9 +187,23 @@ class _Engine:
             for name, scores_of in zip(predictor.names, scores, strict=True)
         ]
 
-    def variation(self, visualization: Visualization) -> VariedEvaluation:
+    def other_representations(self, kind: str, groups: CaseGroups) -> list[Baseline]:
+        """Scores of the representations that the surrogate holds besides the one that draws it."""
+        drawn_by = self.surrogate.representation(kind)
+        predictors = [
+            SurrogatePredictor(
+                partial(self.surrogate.using(name).at, outside="allow"),
+                self.catalog.plan.background,
+                names=(REPRESENTED[name],),
+            )
+            for name in self.surrogate.representations
+            if name != drawn_by
+        ]
+        return [baseline for p in predictors for baseline in self.baselines(f"{p.names[0]}, {kind}", p, groups)]
+
+    def variation(self, variation: Variation) -> VariedEvaluation:
         """Scores of the surrogate under one variation."""
-        variation, members = visualization.variation, self.catalog.members
+        members = self.catalog.members
         cells, judged = variation_cells(self.catalog, variation), variation_validation(self.catalog, variation)
         few = [group for row in cells.values() for group in row.values()]
         scored = self.cells(f"surrogate, {variation.name}", cells, judged, few)
@@ -197,8 +213,17 @@ class _Engine:
         )
         milliseconds = {"visualization_change": change, "view_change": view}
         frozen = self.at_center(f"{AT_CENTER}, {variation.name}", cells)
-        kind = APPLIED if visualization.deformation is None else visualization.deformation.kind
-        return VariedEvaluation(variation, kind, *scored, baselines, milliseconds, frozen)
+        others = self.other_representations(variation.kind, {**cells["unseen_settings"], VALIDATION: judged})
+        return VariedEvaluation(
+            variation, self._follows(variation), *scored, [*others, *baselines], milliseconds, frozen
+        )
+
+    def _follows(self, variation: Variation) -> str:
+        """The kind of visualization deformation that follows a variation, `APPLIED` or `EMULATED`."""
+        if self.surrogate.representation(variation.kind) == FIELD:
+            return EMULATED
+        deformations = [v.deformation for v in self.surrogate.visualizations if v.variation == variation]
+        return APPLIED if not deformations or deformations[0] is None else deformations[0].kind
 
     def member_baselines(self, appearance: str, groups: CaseGroups, watched: Sequence[Case]) -> list[Baseline]:
         """Mixtures of training members; their constants are chosen on `watched` validation images."""

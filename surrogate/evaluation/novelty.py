@@ -92,7 +92,7 @@ def trained_functions(catalog: Catalog, surrogate: Surrogate) -> tuple[list[Tran
     base = renderings.get(str(surrogate.training.get("appearance", "")))
     if base is None:
         return [], ""
-    variations = [v.variation for v in surrogate.visualizations if v.variation.edits_base]
+    variations = [v for v in surrogate.variations if v.edits_base]
     names = [base.name, *(name for v in variations if v.base == base.name for name in v.named("train"))]
     return [renderings[name].transfer_function for name in names if name in renderings], field_of(base)
 

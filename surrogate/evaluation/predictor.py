@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from surrogate.evaluation.cases import Case
-from surrogate.model import DeformedGaussians
+from surrogate.model import MemberModel
 
 Draw = Callable[[Case], Iterable[NDArray[Any]]]
 
@@ -41,12 +41,12 @@ class SurrogatePredictor:
 
     Attributes
     ----------
-    at : `Surrogate.at`, or another function from parameters by name to Gaussians.
+    at : `Surrogate.at`, or another function from parameters by name to a member.
     background : the colour behind opaque images; None for images with alpha.
     parameters_of : returns the parameters at which a case is rendered, by default its own.
     """
 
-    at: Callable[..., DeformedGaussians]
+    at: Callable[..., MemberModel]
     background: Sequence[float] | None
     parameters_of: Callable[[Case], Mapping[str, float | str]] = lambda case: case.parameters
     names: Sequence[str] = ("the surrogate",)
@@ -57,18 +57,18 @@ class SurrogatePredictor:
         for case in cases:
             batches.setdefault(tuple(self.parameters_of(case).items()), []).append(case)
         for parameters, batch in batches.items():
-            deformed = self.at(dict(parameters))
+            member = self.at(dict(parameters))
             through: dict[int, list[Case]] = {}
             for case in batch:
                 through.setdefault(id(case.camera), []).append(case)
             if len(through) == len(batch):
-                yield batch, partial(self._render, deformed)
+                yield batch, partial(self._render, member)
                 continue
             for same in through.values():  # one picture for all
-                yield same, partial(_itself, self._render(deformed, same[0]))
+                yield same, partial(_itself, self._render(member, same[0]))
 
-    def _render(self, deformed: DeformedGaussians, case: Case) -> list[NDArray[np.float32]]:
-        return [deformed.render(case.camera, background=self.background)]
+    def _render(self, member: MemberModel, case: Case) -> list[NDArray[np.float32]]:
+        return [member.render(case.camera, background=self.background)]
 
 
 def _itself(pictures: list[NDArray[np.float32]], _: Case) -> list[NDArray[np.float32]]:

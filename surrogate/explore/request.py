@@ -91,7 +91,7 @@ def setting_of(record: Any, surrogate: Surrogate, origins: Mapping[str, float] |
 def _visualization(
     values: Mapping[str, Any], surrogate: Surrogate, origins: Mapping[str, float]
 ) -> dict[str, float | str]:
-    variations = [v.variation for v in surrogate.visualizations]
+    variations = surrogate.variations
     variation = next((v for v in variations if set(values) <= set(v.argument_names)), None)
     if not values:
         return {}

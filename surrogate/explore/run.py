@@ -63,7 +63,7 @@ class Run:
     @cached_property
     def base_function(self) -> TransferFunction | None:
         """The transfer function that control points are displaced from; None where there is none, or nobody knows it."""
-        bases = [v.variation.base for v in self.surrogate.visualizations if v.variation.edits_base]
+        bases = [v.base for v in self.surrogate.variations if v.edits_base]
         appearances = self.catalog.plan.appearances if self.catalog and bases else ()
         functions = (a.transfer_function for a in appearances if isinstance(a, VolumeRendering) and a.name in bases)
         return base_function(self.surrogate) or next(functions, None)

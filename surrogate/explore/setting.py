@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
-from catalogs.vocabulary.appearance import TransferFunction
+from catalogs.vocabulary.appearance import TransferFunction, VolumeRendering
 from catalogs.vocabulary.numbers import text
 from catalogs.vocabulary.variations import POINT_PARAMETERS, displaced
 from surrogate.appearance.field_gaussians import FieldGaussians
 from surrogate.deformation.values import ValuesDeformation
 from surrogate.explore.color_maps import color_points
-from surrogate.model import DeformedGaussians, Surrogate
+from surrogate.model import MemberModel, Surrogate
 
 
 @dataclass(frozen=True)
@@ -45,8 +45,8 @@ class Setting:
         """In words, control points by their places where their `origins` are given, see `origins_of`."""
         return listed(self.values, origins) + (f", {self.color_map}" if self.color_map else "")
 
-    def gaussians(self, surrogate: Surrogate) -> DeformedGaussians:
-        """The surrogate's Gaussians at this setting; raises ValueError as `Surrogate.at` and `Surrogate.under` do.
+    def member(self, surrogate: Surrogate) -> MemberModel:
+        """The surrogate at this setting; raises ValueError as `Surrogate.at` and `Surrogate.under` do.
 
         Values out of bounds are shown without a warning: the page says so itself.
         """
@@ -93,6 +93,8 @@ def _word(value: float | str) -> str:
 
 def base_function(surrogate: Surrogate) -> TransferFunction | None:
     """The transfer function around which the surrogate follows others; None where it follows none in any colours."""
+    if surrogate.field is not None and isinstance(base := surrogate.field.appearances[0], VolumeRendering):
+        return base.transfer_function
     if isinstance(surrogate.gaussians, FieldGaussians):
         return surrogate.gaussians.field.base
     deformations = (visualization.deformation for visualization in surrogate.visualizations)

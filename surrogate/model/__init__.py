@@ -2,7 +2,19 @@
 
 from surrogate.model.deformed import DeformedGaussians
 from surrogate.model.differentiable import DifferentiableSurrogate
+from surrogate.model.emulated_member import EmulatedMember
+from surrogate.model.field_model import FieldModel
+from surrogate.model.mean_member import MeanMember, MemberModel
 from surrogate.model.rigid import look_at
 from surrogate.model.surrogate import Surrogate
 
-__all__ = ["DeformedGaussians", "DifferentiableSurrogate", "Surrogate", "look_at"]
+__all__ = [
+    "DeformedGaussians",
+    "DifferentiableSurrogate",
+    "EmulatedMember",
+    "FieldModel",
+    "MeanMember",
+    "MemberModel",
+    "Surrogate",
+    "look_at",
+]

@@ -14,8 +14,8 @@ from numpy.typing import ArrayLike, NDArray
 from catalogs.vocabulary.cameras import Camera
 from catalogs.vocabulary.parameters import ParameterSpace
 from catalogs.vocabulary.words import joined_names
-from surrogate.model.deformed import DeformedGaussians
-from surrogate.model.places import ParameterPoint
+from surrogate.model.mean_member import MemberModel
+from surrogate.model.points import AnyPoint
 from surrogate.splatting.threads import cores, one_torch_thread
 
 PARTS = 4  # of the work for each core, so that all end at about the same time
@@ -77,28 +77,28 @@ def paired(rows: Sequence[Row], cameras: Camera | Sequence[Camera]) -> tuple[lis
 
 
 def draw_all(
-    places: Sequence[ParameterPoint],
+    places: Sequence[AnyPoint],
     cameras: Sequence[Camera],
     size: tuple[int, int],
-    deformed_at: Callable[[ParameterPoint], DeformedGaussians],
+    member_at: Callable[[Any], MemberModel],
     background: NDArray[np.float32] | None,
     *,
     side_by_side: bool,
 ) -> NDArray[np.float32]:
     """The pictures (B, H, W, 4) of B places, equal ones being the same object, from B cameras, of `size` (H, W).
 
-    Members are deformed once for each part of the work, and the parts done by as many threads as there are cores, each of which
+    Members are made once for each part of the work, and the parts done by as many threads as there are cores, each of which
     draws by itself.  Only as many members as there are threads are in memory at once.
     """
     pictures = np.empty((len(places), *size, 4), dtype=np.float32)
     workers = cores() if side_by_side and len(places) >= cores() else 1  # fewer pictures are drawn by all cores each
 
     def draw(part: Sequence[int]) -> None:
-        deformed = deformed_at(places[part[0]])
+        member = member_at(places[part[0]])
         for k in part:
             alone = workers > 1
             pictures[k] = (
-                deformed.render_alone(cameras[k], background) if alone else deformed.render_over(cameras[k], background)
+                member.render_alone(cameras[k], background) if alone else member.render_over(cameras[k], background)
             )
 
     parts = _parts(places, workers)
@@ -112,7 +112,7 @@ def draw_all(
     return pictures
 
 
-def warn_of(places: Sequence[ParameterPoint], stacklevel: int) -> None:
+def warn_of(places: Sequence[AnyPoint], stacklevel: int) -> None:
     """Warn of parameters out of bounds, once for each sentence, and of at most three."""
     sentences = list(dict.fromkeys(itertools.chain.from_iterable(place.warnings for place in places)))
     for sentence in sentences[:3]:
@@ -121,7 +121,7 @@ def warn_of(places: Sequence[ParameterPoint], stacklevel: int) -> None:
         warnings.warn(f"and {len(sentences) - 3} more values lie outside their bounds", stacklevel=stacklevel + 1)
 
 
-def _parts(places: Sequence[ParameterPoint], workers: int) -> list[list[int]]:
+def _parts(places: Sequence[AnyPoint], workers: int) -> list[list[int]]:
     """The pictures by number, those of one member together, in pieces so small that every worker has several."""
     members: dict[int, list[int]] = {}
     for k, place in enumerate(places):

@@ -8,13 +8,18 @@ from typing import Any
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from catalogs.vocabulary.cameras import Camera
 from catalogs.vocabulary.numbers import fraction, row, text
 from surrogate.gaussians import Gaussians, Normalization
-from surrogate.notebook import deformed_html
+from surrogate.notebook import member_html
 from surrogate.rasterizer import Rasterizer
+
+NO_FIELD = (
+    "this surrogate knows no field values: its catalog keeps no coarse fields, or it was trained before they were added; "
+    "`insitu dataset` or `insitu ensemble` with --add-coarse-fields adds them, and `surrogate train` then fits their emulator"
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,6 +34,7 @@ class DeformedGaussians:
     parameters: Mapping[str, float | str]  # those of the simulation, and of the visualization where they were given
     normalization: Normalization
     rasterizer: Rasterizer
+    emulated: Any = None  # the `EmulatedMember` of the same parameters, where the surrogate has an emulator
 
     def render(self, camera: Camera, *, background: Sequence[float] | None = None) -> NDArray[np.float32]:
         """The picture that `camera` (world units) sees, (H, W, 4) float32 premultiplied RGBA in [0, 1].
@@ -52,10 +58,23 @@ class DeformedGaussians:
         with torch.no_grad():
             rendering = self.rasterizer.draw(self.gaussians, self.normalization.camera(camera), threads=threads)
         color, alpha = rendering.color.cpu().numpy(), rendering.alpha.cpu().numpy()[..., None]  # [H, W, 3], [H, W, 1]
-        if background is not None:
-            color = color + (1.0 - alpha) * background
-            alpha = np.ones_like(alpha)
-        return np.clip(np.concatenate([color, alpha], axis=-1), 0.0, 1.0)
+        return over(np.concatenate([color, alpha], axis=-1), background)
+
+    def sample(self, places: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """The field and its standard deviation, each (N,), at world `places` (N, 3); see `EmulatedMember.sample`.
+
+        Raises ValueError where the surrogate has no emulator of the field.
+        """
+        return self._numbers().sample(places)
+
+    def field(self) -> Any:
+        """The emulated field, see `EmulatedMember.field`; raises ValueError where the surrogate has no emulator of it."""
+        return self._numbers().field()
+
+    def _numbers(self) -> Any:
+        if self.emulated is None:
+            raise ValueError(NO_FIELD)
+        return self.emulated
 
     @property
     def means(self) -> NDArray[np.float64]:
@@ -75,13 +94,26 @@ class DeformedGaussians:
     def __len__(self) -> int:
         return len(self.gaussians)
 
+    @property
+    def contents(self) -> list[tuple[str, str]]:
+        """The things that it consists of, and how many there are."""
+        return [("Gaussians", f"{len(self):,}")]
+
     def __repr__(self) -> str:
         at = named(self.parameters)
         return f"<DeformedGaussians at {at or 'no parameters'}: {len(self):,} Gaussians>"
 
     def _repr_html_(self) -> str:
         """The same for notebooks, with a picture."""
-        return deformed_html(self)
+        return member_html(self)
+
+
+def over(picture: NDArray[np.float32], background: NDArray[np.float32] | None) -> NDArray[np.float32]:
+    """A picture (H, W, 4), premultiplied RGBA, on a background (3,), where there is one, and cut to [0, 1]."""
+    if background is not None:
+        alpha = picture[..., 3:]  # [H, W, 1]
+        picture = np.concatenate([picture[..., :3] + (1.0 - alpha) * background, np.ones_like(alpha)], axis=-1)
+    return np.clip(picture, 0.0, 1.0)
 
 
 def named(parameters: Mapping[str, float | str]) -> str:

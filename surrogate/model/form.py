@@ -5,17 +5,22 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+import torch
 from torch import Tensor
 
+from catalogs.vocabulary.appearance import VolumeRendering
 from catalogs.vocabulary.numbers import finite, fraction, row
 from catalogs.vocabulary.parameters import ParameterSpace
 from catalogs.vocabulary.words import joined_names
-from surrogate.appearance.field_gaussians import FieldGaussians, load_gaussians
+from surrogate.appearance.field_gaussians import AnyGaussians, FieldGaussians, FieldValues, load_gaussians
+from surrogate.appearance.scale import ValueScale
 from surrogate.deformation import Deformation, ValuesDeformation, load_deformation
 from surrogate.deformation.bilinear import FIELD_COLUMNS, BilinearDeformation
 from surrogate.deformation.visualization import Visualization
-from surrogate.gaussians import Normalization
+from surrogate.gaussians import GEOMETRY, Gaussians, Normalization
+from surrogate.model.field_model import FieldModel
 from surrogate.rasterizer import Rasterizer
+from surrogate.settings import TrainingSettings
 from surrogate.storage import models
 from surrogate.storage.models import part
 from surrogate.storage.names import joined
@@ -93,6 +98,29 @@ def fields_of(model: models.StoredModel) -> Fields:
         "training": record["training"],
         "encodings": model.encodings,
         "visualizations": tuple(loaded),
+    }
+
+
+def without_gaussians(model: FieldModel) -> Fields:
+    """The fields of a `Surrogate` that an emulator of the field draws alone."""
+    settings = TrainingSettings.from_record(model.training.get("settings") or {})
+    base = model.appearances[0]
+    tensors = {name: torch.zeros(0, width) for name, width in GEOMETRY.items()} | {"opacity_logits": torch.zeros(0)}
+    gaussians: AnyGaussians
+    if isinstance(base, VolumeRendering):
+        scale = ValueScale.of_function(base.transfer_function)
+        values = FieldValues(base.transfer_function, scale)
+        gaussians = FieldGaussians.of_tensors(tensors | {"values": torch.zeros(0, 2)}, values)
+    else:
+        gaussians = Gaussians.of_tensors(tensors | {"colors": torch.zeros(0, 3)})
+    return {
+        "gaussians": gaussians,
+        "deformation": BilinearDeformation.create(gaussians, len(model.space), settings),
+        "space": model.space,
+        "normalization": model.normalization,
+        "rasterizer": Rasterizer.of(settings).for_any_device(),
+        "background": model.background,
+        "training": {"steps": 0, "curve": [], **model.training},
     }
 
 

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from catalogs.vocabulary.appearance import TransferFunction
 from catalogs.vocabulary.parameters import SLACK, Parameter, ParameterSpace
+from catalogs.vocabulary.variations import Variation
 from catalogs.vocabulary.words import joined_names, one_line
 from surrogate.appearance.field_gaussians import AnyGaussians, FieldGaussians
 from surrogate.deformation import BilinearDeformation
@@ -83,23 +84,53 @@ def place_of(
     Raises ValueError for missing, unknown, non-finite and absurd ones, or where no variation has them; `outside` says whether
     others out of bounds leave `warnings`.
     """
-    of_vis = {name for v in visualizations for name in v.variation.argument_names}
-    varied = {n: v for n, v in parameters.items() if n in of_vis}
+    place, varied = separated(space, [v.variation for v in visualizations], parameters, outside)
+    if varied is None:
+        return place
+    return replace(
+        place,
+        parameters={**place.parameters, **varied.parameters},
+        visualization=visualizations[varied.number],
+        settings=visualizations[varied.number].variation.normalize(varied.values),
+        warnings=place.warnings + varied.warnings,
+    )
+
+
+@dataclass(frozen=True)
+class VariedPoint:
+    """Visualization parameters of one of several variations.
+
+    Attributes
+    ----------
+    number : of the variation.
+    parameters : all of its arguments by name.
+    values : (V,), None for the base appearance.
+    warnings : a sentence about each parameter that is out of bounds.
+    """
+
+    number: int
+    parameters: Mapping[str, float | str]
+    values: tuple[float, ...] | None
+    warnings: tuple[str, ...]
+
+
+def separated(
+    space: ParameterSpace, variations: Sequence[Variation], parameters: Mapping[str, Any], outside: Any
+) -> tuple[ParameterPoint, VariedPoint | None]:
+    """The place of the simulation's parameters among `parameters`, and that of a variation's, if any; raises as `place_of`."""
+    arguments = {name for v in variations for name in v.argument_names}
+    varied = {n: v for n, v in parameters.items() if n in arguments}
     place = simulation_place(space, {n: v for n, v in parameters.items() if n not in varied}, outside)
     if not varied:
-        return place
-    visualization = _varying(visualizations, varied)
-    variation = visualization.variation
+        return place, None
+    number = _varying(variations, varied)
+    variation = variations[number]
     values = variation.values_of(varied, outside="allow")  # [V]
     if values is not None:
         _check_near(variation.space, values)
-    return ParameterPoint(
-        {**place.parameters, **dict.fromkeys(variation.argument_names, 0.0), **varied},
-        place.simulation,
-        visualization,
-        variation.normalize(values),
-        warnings=place.warnings + (() if values is None else tuple(variation.space.outside(values).values())),
-    )
+    warnings = () if values is None else tuple(variation.space.outside(values).values())
+    whole = {**dict.fromkeys(variation.argument_names, 0.0), **varied}
+    return place, VariedPoint(number, whole, values, warnings)
 
 
 def simulation_place(space: ParameterSpace, parameters: Mapping[str, Any], outside: Any) -> ParameterPoint:
@@ -158,9 +189,9 @@ def _check_near(space: ParameterSpace, values: Sequence[float] | NDArray[np.floa
             raise ValueError(sentence)
 
 
-def _varying(visualizations: Sequence[Visualization], parameters: Mapping[str, Any]) -> Visualization:
-    """That whose variation has all these parameters."""
-    for visualization in visualizations:
-        if set(parameters) <= set(visualization.variation.argument_names):
-            return visualization
+def _varying(variations: Sequence[Variation], parameters: Mapping[str, Any]) -> int:
+    """The number of the variation that has all these parameters."""
+    for number, variation in enumerate(variations):
+        if set(parameters) <= set(variation.argument_names):
+            return number
     raise ValueError(f"parameters {joined_names(sorted(parameters))} belong to different variations: set those of one")

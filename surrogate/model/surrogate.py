@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import dataclasses
+import hashlib
 import os
 import warnings
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -16,6 +19,8 @@ import surrogate
 from catalogs.vocabulary.appearance import TransferFunction
 from catalogs.vocabulary.cameras import Camera
 from catalogs.vocabulary.parameters import ParameterSpace
+from catalogs.vocabulary.variations import Variation
+from catalogs.vocabulary.words import joined_names
 from surrogate.appearance.field_gaussians import AnyGaussians, FieldGaussians
 from surrogate.deformation import BilinearDeformation
 from surrogate.deformation.visualization import Visualization
@@ -23,8 +28,12 @@ from surrogate.gaussians import Normalization
 from surrogate.model.batches import draw_all, paired, rows_of, warn_of
 from surrogate.model.deformed import DeformedGaussians, checked_background
 from surrogate.model.differentiable import DifferentiableSurrogate
-from surrogate.model.form import fields_of, stored_form
+from surrogate.model.field_model import FieldModel, FieldPoint
+from surrogate.model.form import fields_of, stored_form, without_gaussians
+from surrogate.model.mean_member import MeanMember, MemberModel
 from surrogate.model.places import ParameterPoint, place_of, transfer_place
+from surrogate.model.points import AnyPoint, BothPoints
+from surrogate.model.representation import BOTH, FIELD, FUNCTION, GAUSSIANS, KINDS, VIEW, RepresentationScores
 from surrogate.notebook import surrogate_html
 from surrogate.rasterizer import Rasterizer
 from surrogate.splatting import AUTO
@@ -53,6 +62,9 @@ class Surrogate:
     encodings : of tensors that are stored in fewer bits, by the names they have in `model.safetensors`; the tensors themselves
         are what these decode to.  One that was replaced since is stored as it is.
     visualizations : how it follows an isovalue or a transfer function as well, and shows other fields.
+    field : an emulator of the ensemble's fields, where the catalog keeps them; it draws the same pictures.
+    scores : of both on validation images, by kind of question: each kind is drawn by what did better.
+    only : "gaussians", "field" or "both", which then draws all; "" for what did best.
     training : how it came to be: `seconds`, `processor_seconds` (of all cores), `steps`, `settings`, `curve`,
         `appearance`, `fingerprint`.
     """
@@ -63,13 +75,39 @@ class Surrogate:
     normalization: Normalization
     rasterizer: Rasterizer
     background: tuple[float, float, float] | None = None
-    training: Mapping[str, Any] = field(default_factory=dict)
-    encodings: Mapping[str, Encoding] = field(default_factory=dict)
+    training: Mapping[str, Any] = dataclasses.field(default_factory=dict)
+    encodings: Mapping[str, Encoding] = dataclasses.field(default_factory=dict)
     visualizations: tuple[Visualization, ...] = ()
+    field: FieldModel | None = None
+    scores: RepresentationScores = RepresentationScores()  # noqa: RUF009 - frozen
+    only: str = ""
+
+    def using(self, representation: str) -> Surrogate:
+        """The same with all pictures drawn by its "gaussians", from its emulated "field", or as the mean of "both".
+
+        Raises ValueError where it has none.
+        """
+        if representation not in self.representations:
+            raise ValueError(
+                f"this surrogate can be drawn by its {joined_names(self.representations)} alone, got {representation!r}"
+            )
+        return replace(self, only=representation)
+
+    @property
+    def representations(self) -> tuple[str, ...]:
+        """The ways in which it can be drawn: `GAUSSIANS`, `FIELD`, and `BOTH` where it holds them."""
+        if self.field is None:
+            return (GAUSSIANS,)
+        return (GAUSSIANS, FIELD, BOTH) if len(self.gaussians) else (FIELD,)
+
+    def representation(self, kind: str) -> str:
+        """The one of `representations` that draws pictures of a kind of question."""
+        chosen = self.only or self.scores.better(kind)
+        return chosen if chosen in self.representations else self.representations[0]
 
     def at(
         self, values: Mapping[str, Any] | None = None, /, *, outside: Any = "warn", **parameters: float | str
-    ) -> DeformedGaussians:
+    ) -> MemberModel:
         """The ensemble at `parameters`, those of the simulation all by name, in their units.
 
         Names that Python or this function has another use for, such as `lambda` or `outside`, go into the mapping `values`.
@@ -91,7 +129,7 @@ class Surrogate:
         *,
         outside: Any = "warn",
         **parameters: float,
-    ) -> DeformedGaussians:
+    ) -> MemberModel:
         """The ensemble at simulation `parameters`, and `values` as in `at`, under any transfer function, in opacity and colour.
 
         What no training function showed is a guess.  Raises ValueError where the surrogate
@@ -129,7 +167,7 @@ class Surrogate:
         """
         colour = checked_background(background)
         rows, views, size = paired(rows_of(self.space, parameters), cameras)
-        points: dict[str, ParameterPoint] = {}
+        points: dict[str, AnyPoint] = {}
         places = []
         for row in rows:
             key = repr(sorted(row.items()))
@@ -139,7 +177,7 @@ class Surrogate:
         if outside == "warn":
             warn_of(places, stacklevel=2)
         side_by_side = not self.gaussians.means.is_cuda
-        return draw_all(places, views, size, self._deformed, colour, side_by_side=side_by_side)
+        return draw_all(places, views, size, self._member, colour, side_by_side=side_by_side)
 
     def differentiable(
         self, device: str | torch.device = "cpu", *, dtype: torch.dtype = torch.float32
@@ -175,28 +213,60 @@ class Surrogate:
         return surrogate.show(self, run, height=height, base_url=base_url)
 
     @property
+    def variations(self) -> tuple[Variation, ...]:
+        """The variations that it follows."""
+        return self.field.variations if self.field is not None else tuple(v.variation for v in self.visualizations)
+
+    @property
     def visualization_names(self) -> tuple[str, ...]:
         """The visualization parameters that `at` takes."""
-        return tuple(name for v in self.visualizations for name in v.variation.argument_names)
+        return tuple(name for variation in self.variations for name in variation.argument_names)
 
-    def _place(
-        self, parameters: Mapping[str, Any], outside: Any, function: TransferFunction | None = None
+    def _kind(self, parameters: Mapping[str, Any], function: TransferFunction | None) -> str:
+        """The kind of a question: `VIEW`, or that of the variation that is asked for."""
+        if function is not None:
+            return FUNCTION
+        kinds = [v.kind for v in self.variations if any(name in parameters for name in v.argument_names)]
+        return kinds[0] if kinds else VIEW
+
+    def _place(self, parameters: Mapping[str, Any], outside: Any, function: TransferFunction | None = None) -> AnyPoint:
+        drawn_by = self.representation(self._kind(parameters, function))
+        if self.field is None or drawn_by == GAUSSIANS:
+            return self._gaussian_place(parameters, outside, function)
+        point = self.field.point(parameters, outside, function)
+        if drawn_by == FIELD:
+            return point
+        return BothPoints(self._gaussian_place(parameters, "allow", function), point)
+
+    def _gaussian_place(
+        self, parameters: Mapping[str, Any], outside: Any, function: TransferFunction | None
     ) -> ParameterPoint:
         if function is None:
             return place_of(self.space, self.visualizations, parameters, outside)
         carried = isinstance(self.gaussians, FieldGaussians)
         return transfer_place(self.space, self.visualizations, parameters, function, outside, carried=carried)
 
-    def _at(self, place: ParameterPoint, outside: Any) -> DeformedGaussians:
-        """The Gaussians there; warns, at the line of the caller's caller, unless `outside` is "allow"."""
+    def _at(self, place: AnyPoint, outside: Any) -> MemberModel:
+        """The ensemble there; warns, at the line of the caller's caller, unless `outside` is "allow"."""
         if outside == "warn":
             for sentence in place.warnings:
                 warnings.warn(sentence, stacklevel=3)
-        return self._deformed(place)
+        return self._member(place)
 
-    def _deformed(self, place: ParameterPoint) -> DeformedGaussians:
+    def _member(self, place: AnyPoint) -> MemberModel:
+        if isinstance(place, FieldPoint):
+            assert self.field is not None
+            return self.field.member(place)
+        if isinstance(place, BothPoints):
+            assert self.field is not None
+            emulation = self.field.member(place.field)
+            return MeanMember(self._gaussian_member(place.gaussians, emulation), emulation)
+        emulated = None if self.field is None else self.field.member(self.field.point(place.parameters, "allow"))
+        return self._gaussian_member(place, emulated)
+
+    def _gaussian_member(self, place: ParameterPoint, emulated: Any) -> DeformedGaussians:
         deformed = place.deform(self.gaussians, self.deformation)
-        return DeformedGaussians(deformed, place.parameters, self.normalization, self.rasterizer)
+        return DeformedGaussians(deformed, place.parameters, self.normalization, self.rasterizer, emulated)
 
     def to(self, device: str | torch.device) -> Surrogate:
         """The same on another device, which draws it: "cpu", or "cuda", which needs the extra `[cuda]` and draws by gsplat.
@@ -219,17 +289,28 @@ class Surrogate:
 
     @property
     def digest(self) -> str:
-        """A SHA-256 over all that is stored of the model."""
-        return self._stored_form().digest
+        """A SHA-256 over all that is stored of the model, and over what draws each kind of question."""
+        own = self._stored_form().digest
+        if self.field is None:
+            return own
+        drawn_by = [self.representation(kind) for kind in KINDS]
+        return hashlib.sha256(" ".join([own, self.field.digest, *drawn_by]).encode()).hexdigest()
 
     @staticmethod
     def exists(directory: str | os.PathLike[str]) -> bool:
-        """True where `directory` holds a finished surrogate."""
-        return models.exists(directory)
+        """True where `directory` holds a finished surrogate: its Gaussians, an emulator of its fields, or both."""
+        return models.exists(directory) or FieldModel.exists(directory)
 
     def save(self, directory: str | os.PathLike[str]) -> None:
-        """Write `model.safetensors`, then `model.json`, which makes it a surrogate, into `directory`."""
-        self._stored_form().save(directory)
+        """Write `model.safetensors`, then `model.json`, which makes it a surrogate, into `directory`.
+
+        An emulator of the fields goes into a folder of its own there, and scores into another file.
+        """
+        if self.field is not None:
+            self.field.save(directory)
+            self.scores.save(directory)
+        if len(self.gaussians):
+            self._stored_form().save(directory)
 
     @classmethod
     def load(cls, directory: str | os.PathLike[str]) -> Surrogate:
@@ -238,23 +319,34 @@ class Surrogate:
         Raises FileNotFoundError where there is none, ValueError for one of a newer schema and, naming the part, for one that is
         damaged.
         """
-        return models.load(directory, lambda model: cls(**fields_of(model)))
+        field = FieldModel.load(directory) if FieldModel.exists(directory) else None
+        scores = RepresentationScores() if field is None else RepresentationScores.load(directory)
+        if field is not None and not models.exists(directory):
+            return cls(**without_gaussians(field), field=field, scores=scores)
+        loaded = models.load(directory, lambda model: cls(**fields_of(model)))
+        if field is not None and field.training.get("fingerprint") != loaded.training.get("fingerprint"):
+            raise ValueError(f"{directory} holds Gaussians and an emulator of different runs: copy both of one again")
+        return loaded if field is None else replace(loaded, field=field, scores=scores)
 
     @classmethod
-    def of_bytes(cls, tensors: bytes, record: bytes, device: str = "cpu") -> Surrogate:
-        """The surrogate whose two files hold these bytes, on a device; raises ValueError as `load` does, RuntimeError as `to`."""
-        surrogate = models.of_contents(tensors, record, lambda model: cls(**fields_of(model)))
-        return surrogate if device == "cpu" else surrogate.to(device)
+    def of_bytes(cls, tensors: bytes, record: bytes, device: str = "cpu", **more: Any) -> Surrogate:
+        """The surrogate whose two files hold these bytes, on a device, with `more` of its attributes.
+
+        Raises ValueError as `load` does, RuntimeError as `to`.
+        """
+        loaded = models.of_contents(tensors, record, lambda model: cls(**{**fields_of(model), **more}))
+        return loaded if device == "cpu" else loaded.to(device)
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickles, copies and what goes to other processes hold the bytes that `save` writes, and the device."""
-        return type(self).of_bytes, (*self._stored_form().contents(), str(self.gaussians.means.device))
+        more: dict[str, Any] = {"field": self.field, "scores": self.scores, "only": self.only}
+        return partial(type(self).of_bytes, **more), (*self._stored_form().contents(), str(self.gaussians.means.device))
 
     def _stored_form(self) -> models.StoredModel:
         return stored_form(self)
 
     def _following(self) -> str:
-        variations = [v.variation for v in self.visualizations]
+        variations = self.variations
         kinds = [v.name for v in variations if v.continuous]
         others = [s.appearance for v in variations if not v.continuous for s in v.settings]
         following = f"any {' and '.join(kinds)}, " if kinds else ""
@@ -264,9 +356,11 @@ class Surrogate:
         bounds = ", ".join(
             f"{p.name} {p.text(p.low)}..{p.text(p.high)} {p.unit}".strip() for p in self.space.parameters
         )
+        count, field = len(self.gaussians), self.field
+        gaussians = f"{count:,} Gaussians, {self.deformation.kind} deformation, " if count else ""
+        emulated = "" if field is None else f"emulated field of {field.megabytes:.1f} MB, "
         return (
-            f"<Surrogate of {bounds or 'one member'}: {len(self.gaussians):,} Gaussians, "
-            f"{self.deformation.kind} deformation, {self._following()}{self.megabytes:.1f} MB>"
+            f"<Surrogate of {bounds or 'one member'}: {emulated}{gaussians}{self._following()}{self.megabytes:.1f} MB>"
         )
 
     def _repr_html_(self) -> str:

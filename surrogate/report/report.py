@@ -39,7 +39,7 @@ def write_report(
 ) -> dict[str, Any]:
     """Write the report into `directory`, which appears whole, replacing an earlier one; returns `report.json`'s contents."""
     record = summarize(scene, surrogate, evaluation, dataset_seconds=dataset_seconds)
-    variations = [v.variation for v in surrogate.visualizations]
+    variations = surrogate.variations
     learnt = learnt_line(catalog.plan, str(surrogate.training["appearance"]), variations)
     record["ensemble"] = {"learnt": learnt, "members": members_line(catalog), "tests": tests_line(catalog)}
     for part, varied in zip((record, *record["variations"]), (None, *variations), strict=True):

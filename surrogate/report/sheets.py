@@ -30,7 +30,7 @@ def draw_sheet(figure: Any, title: str, images: Mapping[str, Scored], surrogate:
     """Draw a row for each of the images, by what they are called, into a figure, which is sized to hold them."""
     figure.set_size_inches(WIDTH_INCHES, ROW_INCHES * len(images) + 0.5)
     grid = figure.subplots(len(images), 5, squeeze=False)
-    spaces = surrogate.space, *(v.variation.space for v in surrogate.visualizations)
+    spaces = surrogate.space, *(v.space for v in surrogate.variations)
     parameters = {p.name: p for space in spaces for p in space.parameters}
     for axes, (name, scored) in zip(grid, images.items(), strict=True):
         case, background = scored.target, catalog.plan.background

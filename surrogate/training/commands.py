@@ -46,9 +46,22 @@ if TYPE_CHECKING:
     type=click.Path(dir_okay=False, path_type=Path),
     help="A TOML file with keys of a scene's [training].",
 )
+@click.option(
+    "--model",
+    type=click.Choice(["both", "field"]),
+    default="both",
+    show_default=True,
+    help="Stop after the emulator of the coarse fields, or train the Gaussians as well.",
+)
 @RUNS
 def train(
-    source: Path, settings: tuple[str, ...], output: Path | None, file: Path | None, runs: Path, **options: Any
+    source: Path,
+    settings: tuple[str, ...],
+    output: Path | None,
+    file: Path | None,
+    model: str,
+    runs: Path,
+    **options: Any,
 ) -> None:
     """Train a surrogate from a CATALOG (NAME.cdb), as a SCENE (FILE.toml) says, or go on with a RUN (its folder).
 
@@ -69,13 +82,14 @@ def train(
     from surrogate.training.ranks import launched
 
     resumed = "what was trained is stored; run the same command to resume"
+    only_field = model == "field"
     with one_line_errors(RuntimeError, interrupted=resumed), launched() as ranks:
         if kind == "catalog":
             run = _begun(source, output or runs / source.resolve().stem, settings, file, ranks, **options)
             opened = OpenRun.of_run(run)
         else:
             opened = OpenRun.open(source, runs)
-        _train(opened, ranks)
+        _train(opened, ranks, only_field=only_field)
 
 
 def _begun(
@@ -102,13 +116,15 @@ def _begun(
     return run
 
 
-def _train(opened: OpenRun, ranks: Ranks) -> None:
+def _train(opened: OpenRun, ranks: Ranks, *, only_field: bool) -> None:
     from surrogate.training.messages import closing
 
-    is_finished = ranks.by_first(lambda: _is_finished(opened))
+    is_finished = ranks.by_first(lambda: _is_finished(opened, only_field=only_field))
     for text in _notes(opened, is_finished) if ranks.is_first else ():
         click.echo(f"  {text}", err=True)
-    surrogate, opened = _trained(opened, ranks)  # which looks whether it is this one
+    if not is_finished and not only_field:
+        _fit_emulator(opened, ranks)
+    surrogate, opened = _trained(opened, ranks, only_field=only_field)  # which looks whether it is this one
     if not ranks.is_first:
         return
     opened.keep_record()
@@ -118,6 +134,17 @@ def _train(opened: OpenRun, ranks: Ranks) -> None:
     click.echo(f"{surrogate!r} after {surrogate.training['seconds']:.0f} s -> {opened.model}")
     for text in closing(surrogate, opened.catalog, opened.folder):
         click.echo(text)
+
+
+def _fit_emulator(opened: OpenRun, ranks: Ranks) -> None:
+    """Fit the emulator of the catalog's coarse fields, where it keeps them, and say how well it predicts."""
+    from surrogate.training.emulator import described, lacking
+    from surrogate.training.source import Source
+
+    sentence = ranks.by_first(lambda: lacking(Source(opened.settings, opened.catalog)))
+    scores = None if sentence else _trained(opened, ranks, only_field=True)[0].scores
+    for text in (described(scores) if scores else [f"no emulated field: {sentence}"]) if ranks.is_first else ():
+        click.echo(f"  {text}", err=True)
 
 
 def _notes(opened: OpenRun, is_finished: bool) -> Iterator[str]:
@@ -133,18 +160,19 @@ def _notes(opened: OpenRun, is_finished: bool) -> Iterator[str]:
     return starting(source)
 
 
-def _is_finished(opened: OpenRun) -> bool:
-    """True where there is a surrogate; else the run's folder says from now on how to resume its training."""
-    from surrogate.model import Surrogate
+def _is_finished(opened: OpenRun, *, only_field: bool) -> bool:
+    """True where all that was asked for is there; else the run's folder says from now on how to resume its training."""
+    from surrogate.model import FieldModel
+    from surrogate.storage import models
     from surrogate.storage.runs import RECORD
 
-    is_finished = Surrogate.exists(opened.model)
+    is_finished = FieldModel.exists(opened.model) if only_field else models.exists(opened.model)
     if not is_finished and not (opened.folder / RECORD).is_file():
         opened.keep_record()
     return is_finished
 
 
-def _trained(opened: OpenRun, ranks: Ranks) -> tuple[Surrogate, OpenRun]:
+def _trained(opened: OpenRun, ranks: Ranks, *, only_field: bool) -> tuple[Surrogate, OpenRun]:
     """The surrogate and the run that it is of; a catalog's training that diverges begins anew with lower rates."""
     from surrogate.storage.runs import RunFolder
     from surrogate.training.loop import Diverged
@@ -153,7 +181,8 @@ def _trained(opened: OpenRun, ranks: Ranks) -> tuple[Surrogate, OpenRun]:
     while True:
         with ProgressLine(None if ranks.is_first else io.StringIO()) as line:
             try:
-                return run(opened.settings, opened.catalog, opened.model, progress=line, ranks=ranks), opened
+                settings, catalog, folder = opened.settings, opened.catalog, opened.model
+                return run(settings, catalog, folder, progress=line, ranks=ranks, only_field=only_field), opened
             except Diverged as error:
                 record = ranks.by_first(partial(_calmer, opened, error))
                 line.say(

@@ -19,6 +19,7 @@ from surrogate.model import Surrogate
 from surrogate.splatting.threads import one_torch_thread
 from surrogate.storage.runs import RunFolder
 from surrogate.training.content import empty_images
+from surrogate.training.emulator import described
 from surrogate.training.source import Source
 
 MOST_SCORED = 40  # test images
@@ -40,6 +41,7 @@ def opening(run: RunFolder) -> Iterator[str]:
 def closing(surrogate: Surrogate, catalog: Catalog, folder: Path) -> Iterator[str]:
     """A surrogate's score on a few test images, and what comes next."""
     yield f"  {_score(surrogate, catalog)}"
+    yield from (f"  {sentence}" for sentence in described(surrogate.scores))
     yield f"next: surrogate explore {folder}     (in a browser)"
     yield f"      surrogate evaluate {folder}    (tables and pictures)"
 
@@ -50,7 +52,7 @@ def about(run: RunFolder, surrogate: Surrogate) -> Iterator[str]:
     if run.missing:
         yield f"  {run.missing}"
     else:
-        variations = [v.variation for v in surrogate.visualizations]
+        variations = surrogate.variations
         yield f"  {run.catalog_path}: {learnt_line(run.catalog.plan, str(surrogate.training['appearance']), variations)}"
         yield f"  {members_line(run.catalog)}"
         if text := tests_line(run.catalog):
@@ -61,6 +63,7 @@ def about(run: RunFolder, surrogate: Surrogate) -> Iterator[str]:
         yield f"  {name:<22} {value}"
     for choice in surrogate.training.get("choices", ()):
         yield f"  needed: {choice['name']:<22} {choice['kept']}"
+    yield from (f"  {sentence}" for sentence in described(surrogate.scores))
     if {"seconds", "steps"} <= set(surrogate.training):
         yield f"  trained in {surrogate.training['seconds']:.0f} s, {surrogate.training['steps']} steps"
 

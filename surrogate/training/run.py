@@ -25,8 +25,10 @@ from surrogate.rasterizer import Rasterizer
 from surrogate.settings import TrainingSettings
 from surrogate.splatting.cuda import chosen_device
 from surrogate.splatting.threads import one_torch_thread
+from surrogate.storage import models
 from surrogate.storage.checkpoints import CHECKPOINT, Checkpoint, fingerprint, locked
 from surrogate.training.data import TrainingData
+from surrogate.training.emulator import keep_comparison, with_emulator
 from surrogate.training.ranks import ALONE, Ranks, require_own_gpu
 from surrogate.training.session import Interruption, ProgressReport, TrainingSession
 from surrogate.training.source import Source
@@ -42,8 +44,12 @@ def train(
     *,
     progress: ProgressReport = lambda _: None,
     ranks: Ranks = ALONE,
+    only_field: bool = False,
 ) -> Surrogate:
     """Fit a surrogate to the training images of `catalog` and keep it in `directory`.
+
+    Where the catalog keeps coarse fields, their emulator is fitted first (`surrogate.training.emulator`), which takes
+    seconds; with `only_field` that is all.  Both are then compared on validation images.
 
     A finished run is loaded and nothing is done; an interrupted one goes on from its last checkpoint.  SIGINT and
     SIGTERM write a checkpoint first and then act as ever.  Where several processes train together, each calls this with its
@@ -57,24 +63,25 @@ def train(
     source = Source(settings, catalog, ranks)
     mark = fingerprint(settings, catalog)
     _require_like_the_first(ranks, mark)
-    if ranks.by_first(lambda: Surrogate.exists(directory)):
-        return _finished(directory, mark)
+    ranks.by_first(lambda: with_emulator(source, directory, mark, required=only_field))
+    if only_field or ranks.by_first(lambda: models.exists(directory)):
+        return _finished(directory, mark, source, ranks)
     with ExitStack() as locks, one_torch_thread():
         is_finished, checkpoint = ranks.by_first(lambda: _claimed(directory, mark, locks))
         if is_finished:  # by another process, just now
-            return _finished(directory, mark)
+            return _finished(directory, mark, source, ranks)
         session = TrainingSession(settings, directory, mark, _steps(source), progress, Interruption(), ranks=ranks)
         surrogate = _trained(source, checkpoint, session)
         ranks.by_first(lambda: _keep(surrogate, directory))
         session.interruption.act()  # what was asked for during the last choices
-    return surrogate
+    return _finished(directory, mark, source, ranks)
 
 
 def _claimed(directory: Path, mark: str, locks: ExitStack) -> tuple[bool, Checkpoint | None]:
     """Lock the folder as long as `held`; whether its surrogate is finished, else the checkpoint there."""
     durable.make_folder(directory)
     locks.enter_context(locked(directory))
-    if Surrogate.exists(directory):
+    if models.exists(directory):
         return True, None
     checkpoint = Checkpoint.load(directory)
     if checkpoint is not None:
@@ -165,10 +172,12 @@ def _steps(source: Source) -> int:
     return settings.canonical_steps + settings.deformation_steps + of_variations
 
 
-def _finished(directory: Path, mark: str) -> Surrogate:
+def _finished(directory: Path, mark: str, source: Source, ranks: Ranks) -> Surrogate:
+    """The surrogate in `directory`, its representations compared where they were not yet."""
     finished = Surrogate.load(directory)
     _check_mark(finished.training.get("fingerprint"), mark, directory)
-    return finished
+    ranks.by_first(lambda: keep_comparison(finished, source.catalog, directory))
+    return finished if finished.field is None else Surrogate.load(directory)
 
 
 def _check_mark(previous: str | None, mark: str, directory: Path) -> None:

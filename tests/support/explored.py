@@ -75,7 +75,7 @@ def shown(page: Page, number: int = 0) -> NDArray[np.float32]:
 def drawn(page: Page, surrogate: Surrogate, number: int = 0) -> NDArray[np.float32]:
     """The API's image for the page's settings, (H, W, 3) in [0, 1]."""
     request = frame_request(request_of(page), surrogate)
-    deformed = request.settings[number].gaussians(surrogate)
+    deformed = request.settings[number].member(surrogate)
     return deformed.render(request.camera, background=request.background)[..., :3]
 
 

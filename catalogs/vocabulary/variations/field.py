@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from catalogs.vocabulary.appearance import Appearance, VolumeRendering
 from catalogs.vocabulary.parameters import Outside, Parameter, ParameterSpace
-from catalogs.vocabulary.variations.variation import Family, Variation, VariationSetting
+from catalogs.vocabulary.variations.variation import Family, Variation, VariationSetting, appearance_named
 from catalogs.vocabulary.words import joined_names, shortened
 
 APPEARANCE = "appearance"
@@ -72,6 +72,10 @@ class FieldVariation(Variation):
                 f"{joined_names(unknown)}"
             )
         return Family(variation, ())
+
+    def appearance_at(self, values: Sequence[float] | None, appearances: Sequence[Appearance]) -> Appearance:
+        name = self.base if values is None else self.settings[int(np.argmax(values))].appearance
+        return appearance_named(name, appearances)
 
     def _shows(self, appearance: Appearance, values: tuple[float, ...], base: Appearance) -> bool:
         return True  # any appearance can show another field

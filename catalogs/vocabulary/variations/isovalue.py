@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -10,7 +11,7 @@ from numpy.typing import NDArray
 
 from catalogs.vocabulary.appearance import Appearance, Isosurface, VolumeRendering, appearance_from_json
 from catalogs.vocabulary.parameters import SPLITS, Parameter, ParameterSpace
-from catalogs.vocabulary.variations.variation import Family, Variation, VariationSetting
+from catalogs.vocabulary.variations.variation import Family, Variation, VariationSetting, appearance_named
 
 ISOVALUE = "isovalue"
 
@@ -46,6 +47,12 @@ class IsovalueVariation(Variation):
         below = min(values[0] - trained[0], 0.0) * slopes[0]
         above = max(values[0] - trained[-1], 0.0) * slopes[-1]
         return np.array([np.interp(values[0], trained, even) + below + above])
+
+    def appearance_at(self, values: Sequence[float] | None, appearances: Sequence[Appearance]) -> Appearance:
+        surface = appearance_named(self.base if values is None else self.settings[0].appearance, appearances)
+        if values is None or not isinstance(surface, Isosurface):
+            return surface
+        return replace(surface, isovalue=float(values[0]))
 
     def _shows(self, appearance: Appearance, values: tuple[float, ...], base: Appearance) -> bool:
         return isinstance(appearance, Isosurface) and (appearance.isovalue,) == values

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from catalogs.vocabulary.appearance import Appearance, TransferFunction, VolumeRendering, field_of
 from catalogs.vocabulary.parameters import Parameter, ParameterSpace
-from catalogs.vocabulary.variations.variation import Family, Variation, VariationSetting
+from catalogs.vocabulary.variations.variation import Family, Variation, VariationSetting, appearance_named
 
 POINT_PARAMETERS = ("c1_value", "c1_opacity", "c2_value", "c2_opacity")
 SINGLE_STEPS = (-1.0, 0.5, 1.0)  # steps by which one coordinate of one control point is moved alone
@@ -48,6 +48,12 @@ class TransferFunctionVariation(Variation):
     @classmethod
     def family(cls, base: VolumeRendering, scene_appearances: Sequence[str], **table: Any) -> Family:
         return transfer_function_family(base, **table)
+
+    def appearance_at(self, values: Sequence[float] | None, appearances: Sequence[Appearance]) -> Appearance:
+        base = appearance_named(self.base, appearances)
+        if values is None or not isinstance(base, VolumeRendering):
+            return base
+        return replace(base, transfer_function=displaced(base.transfer_function, values))
 
     def _shows(self, appearance: Appearance, values: tuple[float, ...], base: Appearance) -> bool:
         function = _four_points(base)

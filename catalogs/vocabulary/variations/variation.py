@@ -158,8 +158,23 @@ class Variation(ABC):
         """
 
     @abstractmethod
+    def appearance_at(self, values: Sequence[float] | None, appearances: Sequence[Appearance]) -> Appearance:
+        """The appearance that shows visualization parameters (V,), trained or not; the base for None.
+
+        `appearances` are the catalog's, the base among them.  Raises ValueError where none can show these values.
+        """
+
+    @abstractmethod
     def _shows(self, appearance: Appearance, values: tuple[float, ...], base: Appearance) -> bool:
         """True where the appearance is the base with the values (V,)."""
+
+
+def appearance_named(name: str, appearances: Sequence[Appearance]) -> Appearance:
+    """The one of `appearances` with this name; raises ValueError where there is none."""
+    for appearance in appearances:
+        if appearance.name == name:
+            return appearance
+    raise ValueError(f"there is no appearance {name!r}, only {joined_names([a.name for a in appearances])}")
 
 
 @dataclass(frozen=True)

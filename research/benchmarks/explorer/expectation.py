@@ -62,7 +62,7 @@ def agreements(run: Run, expectation: Expectation, views: int) -> dict[str, Expe
             if appearance not in member.appearances or not chosen:
                 continue
             setting = Setting(member.parameters, varied)
-            expected, deformed = expectation.at(setting, surrogate), setting.gaussians(surrogate)
+            expected, deformed = expectation.at(setting, surrogate), setting.member(surrogate)
             if expected.psnr is None or expected.training_distance is None:
                 continue
             scores = [psnr_of(deformed, catalog, member, appearance, view) for view in chosen]

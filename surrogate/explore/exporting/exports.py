@@ -31,6 +31,8 @@ from surrogate.explore.reliability.truth import Truth
 from surrogate.explore.request import Color, MessageError, frame_request
 from surrogate.explore.run import Run
 from surrogate.explore.setting import Setting
+from surrogate.model import DeformedGaussians
+from surrogate.model.representation import GAUSSIANS
 
 Progress = Callable[..., Any]
 
@@ -45,7 +47,7 @@ class PictureRequest:
     form: Literal["png", "exr"] = "png"
 
     def content(self, run: Run, progress: Progress, expectation: Expectation | None = None) -> bytes:
-        image = self.setting.gaussians(run.surrogate).render(self.camera, background=self.background)
+        image = self.setting.member(run.surrogate).render(self.camera, background=self.background)
         expected = self.expected(run, expectation)
         record = record_for(run.surrogate, self.setting, self.camera, self.background, expected)
         return encode(image if self.background is None else image[..., :3], self.form, record=record)
@@ -64,7 +66,9 @@ class GaussiansRequest:
     setting: Setting
 
     def content(self, run: Run, progress: Progress, expectation: Expectation | None = None) -> bytes:
-        return ply_bytes(self.setting.gaussians(run.surrogate))
+        gaussians = self.setting.member(run.surrogate.using(GAUSSIANS))
+        assert isinstance(gaussians, DeformedGaussians)
+        return ply_bytes(gaussians)
 
     def summary(self, run: Run) -> str:
         return f"{len(run.surrogate.gaussians):,} Gaussians, {self.setting.described(run.origins)}"
@@ -111,7 +115,7 @@ class ComparisonRequest:
         return f"{self.setting.described(run.origins)} beside {other}"
 
     def _render(self, setting: Setting, run: Run) -> NDArray[np.float32]:
-        return setting.gaussians(run.surrogate).render(self.camera, background=self.background)[..., :3]
+        return setting.member(run.surrogate).render(self.camera, background=self.background)[..., :3]
 
     def _words(self, name: str, setting: Setting, run: Run, expectation: Expectation | None) -> list[str]:
         expected = expectation and expectation.at(setting, run.surrogate, self.camera)

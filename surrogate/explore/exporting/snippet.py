@@ -53,7 +53,7 @@ def snippet(
 
 def _unit_lines(setting: Setting, surrogate: Surrogate) -> list[str]:
     """A comment that says the units of the parameters that have some."""
-    spaces = surrogate.space, *(v.variation.space for v in surrogate.visualizations)
+    spaces = surrogate.space, *(v.space for v in surrogate.variations)
     units = {p.name: p.unit for space in spaces for p in space.parameters if p.unit and p.name in setting.values}
     return [f"# {', '.join(f'{name} in {unit}' for name, unit in units.items())}"] if units else []
 

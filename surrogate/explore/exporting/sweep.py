@@ -145,7 +145,7 @@ def check(sweep: Sweep, surrogate: Surrogate) -> None:
     """
     for corner in product(*((axis.low, axis.high) for axis in sweep.axes)):
         try:
-            sweep.at(corner).gaussians(surrogate)
+            sweep.at(corner).member(surrogate)
         except ValueError as error:
             places = [
                 f"{axis.name} = {text(value + axis.origin)}" for axis, value in zip(sweep.axes, corner, strict=True)
@@ -176,7 +176,7 @@ def pictures(
 
     def images() -> Iterator[NDArray[np.float32]]:
         for done, setting in enumerate(all_settings, start=1):
-            picture = setting.gaussians(surrogate).render(camera, background=background)[..., :3]
+            picture = setting.member(surrogate).render(camera, background=background)[..., :3]
             progress(done, len(all_settings))
             yield picture
 
@@ -185,7 +185,7 @@ def pictures(
 
 def parameters_of(surrogate: Surrogate) -> dict[str, Parameter]:
     """The simulation and visualization parameters that are numbers, with their bounds and units, by name."""
-    spaces = [surrogate.space, *(v.variation.space for v in surrogate.visualizations if v.variation.continuous)]
+    spaces = [surrogate.space, *(v.space for v in surrogate.variations if v.continuous)]
     return {p.name: p for space in reversed(spaces) for p in space.parameters}
 
 

@@ -64,7 +64,7 @@ def facts(run: Run) -> Json:
     statements = {
         "title": run.title,
         "parameters": [_parameter(p, members) for p in surrogate.space.parameters],
-        "variations": [one for v in surrogate.visualizations if (one := _variation(run, v.variation))],
+        "variations": [one for v in surrogate.variations if (one := _variation(run, v))],
         "histogram": _histogram(_base_field(surrogate, catalog), members),
         "camera": _first_orbit(run),
         "members": [

@@ -24,7 +24,7 @@ from surrogate.evaluation.scoring import Report, spread
 from surrogate.explore.reliability.points import appearances_of, base_name
 from surrogate.explore.run import Run
 from surrogate.explore.setting import Setting
-from surrogate.model import DeformedGaussians, Surrogate
+from surrogate.model import MemberModel, Surrogate
 from surrogate.storage.records import Provenance, Record
 
 FILE = Path("explore") / "expectation.json"
@@ -150,20 +150,20 @@ def _measured(
     """Measure each case; those whose pictures can't be read are left out."""
     total, counted = sum(len(case.views) for case in planned), itertools.count(1)
     for case in planned:
-        member, deformed = case.member, Setting(case.member.parameters, case.varied).gaussians(surrogate)
+        member, prediction = case.member, Setting(case.member.parameters, case.varied).member(surrogate)
         scores: list[float] = []
         for view in case.views:
             with suppress(ImageError):
-                scores.append(psnr_of(deformed, catalog, member, case.appearance, view))
+                scores.append(psnr_of(prediction, catalog, member, case.appearance, view))
             progress("what to expect", next(counted), total)
         if scores:
             place = dict(member.parameters), case.appearance, dict(case.varied)
             yield Measurement(member.name, member.split, *place, tuple(scores), case.seen_views)
 
 
-def psnr_of(deformed: DeformedGaussians, catalog: Catalog, member: Member, appearance: str, view: int) -> float:
-    """The PSNR, dB, of what the Gaussians show against a stored picture; raises ImageError where that can't be read."""
+def psnr_of(prediction: MemberModel, catalog: Catalog, member: Member, appearance: str, view: int) -> float:
+    """The PSNR, dB, of what the surrogate shows against a stored picture; raises ImageError where that can't be read."""
     background = catalog.plan.background
     truth, camera = catalog.image(member, appearance, view), member.cameras[view]
-    image = deformed.render(camera, background=background)
+    image = prediction.render(camera, background=background)
     return psnr(composite(truth, background or WHITE), composite(image, background or WHITE))

@@ -37,7 +37,7 @@ class SettingPoint:
 
 def base_name(surrogate: Surrogate) -> str:
     """The name of the appearance that the surrogate shows without visualization parameters; "" where nobody said."""
-    varied = [v.variation.base for v in surrogate.visualizations]
+    varied = [v.base for v in surrogate.variations]
     return str(surrogate.training.get("appearance", varied[0] if varied else ""))
 
 
@@ -46,7 +46,7 @@ def appearances_of(surrogate: Surrogate, splits: Sequence[str] = SPLITS) -> dict
 
     Beside the base only those of these splits.
     """
-    variations = [v.variation for v in surrogate.visualizations]
+    variations = surrogate.variations
     others = {s.appearance: v.arguments(s) for v in variations for s in v.settings if s.split in splits}
     return {base_name(surrogate): {}, **others}
 
@@ -54,7 +54,7 @@ def appearances_of(surrogate: Surrogate, splits: Sequence[str] = SPLITS) -> dict
 def point_of(setting: Setting, surrogate: Surrogate) -> SettingPoint:
     """The point of `setting`; raises ValueError for parameters that are missing, unknown or not finite."""
     simulation = surrogate.space.values(setting.parameters, outside="allow")  # [P]
-    variation, values = variation_of(setting.visualization, [v.variation for v in surrogate.visualizations])
+    variation, values = variation_of(setting.visualization, surrogate.variations)
     outside, family, within = [*surrogate.space.outside(simulation)], base_name(surrogate), np.zeros(0)
     if variation is not None and variation.continuous:
         outside += variation.space.outside(values)

@@ -64,7 +64,7 @@ class Truth:
         """The pictures of the run's catalog; None without one.  Raises as `Run.members` does."""
         if run.catalog is None:
             return None
-        variations = tuple(v.variation for v in run.surrogate.visualizations)
+        variations = run.surrogate.variations
         return cls(run.catalog, run.members, variations, appearances_of(run.surrogate), run.middle)
 
     @property

@@ -108,7 +108,7 @@ class Explorer:
             pool.shutdown(wait=False, cancel_futures=True)
         if self._measuring.is_alive():  # at the end of Python a thread inside of a kernel would abort the process
             self._measuring.join(timeout=PATIENCE)
-        self.frames.deformed.cache_clear()  # whoever still holds this object holds no Gaussians
+        self.frames.member.cache_clear()  # whoever still holds this object holds no Gaussians
 
     def _measure(self) -> None:
         def go_on(*_: object) -> None:

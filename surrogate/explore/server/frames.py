@@ -15,17 +15,17 @@ from surrogate.explore.reliability.facts import orbit_of
 from surrogate.explore.reliability.truth import Truth
 from surrogate.explore.request import FrameRequest
 from surrogate.explore.setting import Setting
-from surrogate.model import DeformedGaussians, Surrogate
+from surrogate.model import MemberModel, Surrogate
 
-KEPT = 32  # deformed Gaussians of the last settings: moving the camera deforms nothing
+KEPT = 32  # members at the last settings: moving the camera computes none anew
 
 
 @dataclass(eq=False)
 class Frames:
     """Draws requests.  `truth` and `expectation` are None where there is no catalog, or not yet.
 
-    Safe to be used from several threads.  `deformed` keeps the Gaussians of a setting for a while; `deformed.cache_clear` lets
-    them go.
+    Safe to be used from several threads.  `member` keeps what is drawn of a setting for a while; `member.cache_clear` lets it
+    go.
     """
 
     surrogate: Surrogate
@@ -33,10 +33,10 @@ class Frames:
     expectation: Expectation | None = None
 
     def __post_init__(self) -> None:
-        def deformed(setting: Setting) -> DeformedGaussians:
-            return setting.gaussians(self.surrogate)
+        def member(setting: Setting) -> MemberModel:
+            return setting.member(self.surrogate)
 
-        self.deformed = lru_cache(maxsize=KEPT)(deformed)
+        self.member = lru_cache(maxsize=KEPT)(member)
 
     def answer(self, request: FrameRequest) -> dict[str, Any]:
         """Encoded images and their descriptions, as values that a message carries.
@@ -46,7 +46,7 @@ class Frames:
         """
         started = time.perf_counter()
         pictures = [
-            self.deformed(setting).render(request.camera, background=request.background)[..., :3]  # [H, W, 3]
+            self.member(setting).render(request.camera, background=request.background)[..., :3]  # [H, W, 3]
             for setting in request.settings
         ]
         answer: dict[str, Any] = {}

@@ -49,14 +49,14 @@ def test_a_good_message_says_what_to_draw(surrogate: Surrogate) -> None:
 def test_every_kind_of_setting_can_be_asked_for_and_drawn(surrogate: Surrogate, shown: dict[str, Any]) -> None:
     setting = setting_of({"parameters": {"p": 0.5}, **shown}, surrogate)
     assert dict(setting.visualization) == shown.get("visualization", {})
-    assert len(setting.gaussians(surrogate)) == len(surrogate.gaussians)
+    assert len(setting.member(surrogate)) == len(surrogate.gaussians)
 
 
 def test_what_is_drawn_is_what_the_surrogate_draws(surrogate: Surrogate) -> None:
     asked = setting_of({"parameters": {"p": 0.5}, "visualization": {"isovalue": 0.3}}, surrogate)
     camera = frame_request(message(), surrogate).camera
     expected = surrogate.at(p=0.5, isovalue=0.3).render(camera)
-    np.testing.assert_array_equal(asked.gaussians(surrogate).render(camera), expected)
+    np.testing.assert_array_equal(asked.member(surrogate).render(camera), expected)
 
 
 @pytest.mark.parametrize(("changes", "complaint"), WRONG)

@@ -26,7 +26,7 @@ OUTSIDE = [
 def test_values_out_of_bounds_bring_no_warning(setting: Setting) -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        assert len(setting.gaussians(following())) > 0
+        assert len(setting.member(following())) > 0
 
 
 def test_threads_draw_at_the_same_time(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -39,6 +39,6 @@ def test_threads_draw_at_the_same_time(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(Surrogate, "at", meeting)
     settings = [Setting({"p": p}) for p in (0.0, 0.5, 1.5)]
     with ThreadPoolExecutor(3) as pool:
-        drawn = list(pool.map(lambda setting: setting.gaussians(surrogate), settings))
+        drawn = list(pool.map(lambda setting: setting.member(surrogate), settings))
     for setting, gaussians in zip(settings, drawn, strict=True):
         np.testing.assert_array_equal(gaussians.means, at(surrogate, outside="allow", **setting.parameters).means)

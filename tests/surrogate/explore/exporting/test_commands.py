@@ -78,7 +78,7 @@ def test_an_exr_keeps_every_bit_at_any_size_on_any_background(run: Path, tmp_pat
     output = tmp_path / "a.exr"
     done(export, run, "-p", "p=0.3", "--color-map", "turbo", "--size", "40x30", "--background", "0.2,1,0", "-o", output)
     setting = Setting({"p": 0.3}, {}, "turbo")
-    expected = setting.gaussians(following()).render(camera(run, 0).resized(40, 30), background=(0.2, 1.0, 0.0))
+    expected = setting.member(following()).render(camera(run, 0).resized(40, 30), background=(0.2, 1.0, 0.0))
     np.testing.assert_array_equal(read_image(output, dtype="float32"), expected)
 
 
@@ -105,7 +105,7 @@ def test_a_picture_can_be_made_like_another(run: Path, tmp_path: Path) -> None:
     done(export, run, *options, "-o", first)
     done(export, run, "--like", first, "-o", again)
     setting, seen = Setting({"p": 0.3}, {"c1_value": 0.25}, "viridis"), camera(run, 3)
-    expected = setting.gaussians(following()).render(seen, background=(1.0, 0.0, 0.0))
+    expected = setting.member(following()).render(seen, background=(1.0, 0.0, 0.0))
     np.testing.assert_array_equal(read_image(again, dtype="float32"), expected)
     done(export, run, "--like", again, "-p", "p=0.8", "--size", "48", "-o", other)
     record = record_of(other)
@@ -130,7 +130,7 @@ def test_a_strip_and_a_grid(run: Path, tmp_path: Path) -> None:
 
 def found(sheet: np.ndarray, setting: Setting, seen_by: Camera) -> tuple[int, int]:
     """The place of a setting's image on white in a sheet."""
-    picture = to_bytes(setting.gaussians(following()).render(seen_by, background=(1, 1, 1))[..., :3])
+    picture = to_bytes(setting.member(following()).render(seen_by, background=(1, 1, 1))[..., :3])
     height, width = picture.shape[:2]
     windows = np.lib.stride_tricks.sliding_window_view(sheet, (height, width, 3))[:, :, 0]
     (place,) = np.argwhere((windows == picture).all(axis=(2, 3, 4)))

@@ -26,7 +26,7 @@ SWEEP = Sweep(Setting({"p": 0.5}), Axis("p", 0.0, 1.0, 5))
 def drawn(camera: Camera = CAMERA) -> list[NDArray[np.float32]]:
     """The API's image, without the sweep."""
     surrogate = following()
-    return [s.gaussians(surrogate).render(camera, background=BACKGROUND)[..., :3] for s in settings(SWEEP)]
+    return [s.member(surrogate).render(camera, background=BACKGROUND)[..., :3] for s in settings(SWEEP)]
 
 
 def film(write: Any, camera: Camera = CAMERA, **options: Any) -> bytes:

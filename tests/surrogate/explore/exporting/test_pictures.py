@@ -25,7 +25,7 @@ RECORD = {"name": 'Ω \n\\ "quoted"', "numbers": [0.1, 1e-300], "none": None}
 
 
 def picture(background: tuple[float, float, float] | None = None) -> NDArray[np.float32]:
-    return SETTING.gaussians(following()).render(CAMERA, background=background)
+    return SETTING.member(following()).render(CAMERA, background=background)
 
 
 def seen(content: bytes) -> NDArray[np.uint8]:
@@ -84,7 +84,7 @@ def test_a_record_draws_the_picture_again() -> None:
     content = encode(picture(), "exr", record=record_for(surrogate, SETTING, CAMERA, None))
     record = record_of(content)
     setting = Setting(record["parameters"], record["visualization"], record["color_map"])
-    again = setting.gaussians(surrogate).render(Camera.from_json(record["camera"]), background=record["background"])
+    again = setting.member(surrogate).render(Camera.from_json(record["camera"]), background=record["background"])
     np.testing.assert_array_equal(again, picture())
     assert record["surrogate"] == "by hand"
     assert set(record["versions"]) == {"gs-surrogate", "torch", "numpy"}

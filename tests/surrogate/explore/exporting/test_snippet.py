@@ -44,7 +44,7 @@ def test_a_snippet_draws_the_same_bits(
 ) -> None:
     following().save(tmp_path / "run" / "surrogate")
     program = snippet(tmp_path / "run" / "surrogate", following(), setting, CAMERA, background)
-    expected = setting.gaussians(following()).render(CAMERA, background=background)
+    expected = setting.member(following()).render(CAMERA, background=background)
     picture = run(program, tmp_path, monkeypatch)
     np.testing.assert_array_equal(picture, expected)
     assert np.ptp(expected[..., :3]) > 0.1
@@ -67,7 +67,7 @@ def test_it_runs_as_a_program_of_its_own(tmp_path: Path) -> None:
     )
     done = subprocess.run([sys.executable, "-c", script], cwd=tmp_path, capture_output=True, text=True, timeout=120)
     assert done.returncode == 0, done.stderr
-    expected = SETTINGS["colours"].gaussians(following()).render(CAMERA.resized(30, 18))
+    expected = SETTINGS["colours"].member(following()).render(CAMERA.resized(30, 18))
     np.testing.assert_array_equal(np.load(tmp_path / "picture.npy"), expected)
 
 
@@ -84,7 +84,7 @@ def test_any_parameter_name_will_do(name: str, tmp_path: Path, monkeypatch: pyte
     named.save(folder)
     setting = Setting({name: 0.3})
     picture = run(snippet(folder, named, setting, CAMERA, None), tmp_path, monkeypatch)
-    np.testing.assert_array_equal(picture, setting.gaussians(named).render(CAMERA))
+    np.testing.assert_array_equal(picture, setting.member(named).render(CAMERA))
 
 
 def test_it_is_formatted_as_the_project_is(tmp_path: Path) -> None:

@@ -42,7 +42,7 @@ def test_pictures_are_those_of_the_settings_and_drawn_when_asked_for() -> None:
     drawn = pictures(sweep, surrogate, CAMERA, BACKGROUND, progress=lambda *counts: told.append(counts))
     assert told == []
     for i, setting in enumerate(settings(sweep), start=1):
-        expected = setting.gaussians(surrogate).render(CAMERA, background=BACKGROUND)[..., :3]
+        expected = setting.member(surrogate).render(CAMERA, background=BACKGROUND)[..., :3]
         np.testing.assert_array_equal(next(drawn), expected)
         assert told[-1] == (i, 3)
     assert next(drawn, None) is None

@@ -61,7 +61,7 @@ def test_the_picture_is_what_the_surrogate_drew_at_its_own_size(truth: Truth, su
     picture = truth.picture(stored)
     assert picture.dtype == np.float32
     assert picture.shape == (BLOBS.size, BLOBS.size, 4)
-    drawn = setting.gaussians(surrogate).render(SECOND)
+    drawn = setting.member(surrogate).render(SECOND)
     np.testing.assert_allclose(
         picture, np.minimum(drawn, drawn[..., 3:]), atol=1 / 255
     )  # eight bits, colour below alpha

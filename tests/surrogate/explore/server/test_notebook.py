@@ -125,7 +125,7 @@ def test_many_after_each_other_leave_nothing() -> None:
         with Tab(opened.address) as tab:
             lives(tab)
         frames = opened._explorer.frames
-        kept.append(weakref.ref(frames.deformed(Setting({"p": 0.5}))))
+        kept.append(weakref.ref(frames.member(Setting({"p": 0.5}))))
         opened.close()
     gc.collect()
     assert sum(reference() is not None for reference in kept) == 0

@@ -1,0 +1,94 @@
+"""One member as its emulated field, drawn by the ray caster."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from catalogs.vocabulary.appearance import Isosurface, VolumeRendering
+from catalogs.vocabulary.cameras import Camera
+from surrogate.emulation import EmulatedField, FieldEmulator
+from surrogate.gaussians import Normalization
+from surrogate.model.deformed import checked_background, named, over
+from surrogate.notebook import member_html
+from surrogate.ray_casting import SampledField, SurfaceCaster, VolumeCaster
+
+
+@dataclass(frozen=True, eq=False)
+class EmulatedMember:
+    """The emulated field of one member in one appearance: `render` shows it; world units everywhere.
+
+    Made by `Surrogate.at`.  The field is computed when it is first asked for, and kept.
+
+    Attributes
+    ----------
+    point : (P,) normalized simulation parameters.
+    sample_distance : along rays through a volume, world units; None for half the smallest spacing.
+    """
+
+    emulator: FieldEmulator
+    point: NDArray[np.float64]  # [P]
+    appearance: VolumeRendering | Isosurface
+    parameters: Mapping[str, float | str]
+    normalization: Normalization
+    sample_distance: float | None = None
+
+    @cached_property
+    def _field(self) -> EmulatedField:
+        return self.emulator.at(self.point)
+
+    def field(self) -> EmulatedField:
+        """The field on its lattice, with standard deviations and measures of it."""
+        return self._field
+
+    @cached_property
+    def _caster(self) -> VolumeCaster | SurfaceCaster:
+        field = self._field
+        samples = SampledField(field.values, field.holes, field.spacing, field.origin)
+        if isinstance(self.appearance, VolumeRendering):
+            return VolumeCaster.of(samples, self.appearance, sample_distance=self.sample_distance)
+        return SurfaceCaster.of(samples, self.appearance)
+
+    def render(self, camera: Camera, *, background: Sequence[float] | None = None) -> NDArray[np.float32]:
+        """The picture that `camera` (world units) sees, (H, W, 4) float32 premultiplied RGBA in [0, 1].
+
+        With a `background` (red, green, blue), each in [0, 1], it is opaque: composited on that colour, alpha 1.  Raises ValueError
+        for another background.
+        """
+        return self.render_over(camera, checked_background(background))
+
+    def render_over(self, camera: Camera, background: NDArray[np.float32] | None) -> NDArray[np.float32]:
+        """The same with a background from `checked_background`."""
+        return self._picture(camera, background)
+
+    def render_alone(self, camera: Camera, background: NDArray[np.float32] | None) -> NDArray[np.float32]:
+        """The same picture by one thread; `background` from `checked_background`."""
+        return self._picture(camera, background, threads=1)
+
+    def _picture(
+        self, camera: Camera, background: NDArray[np.float32] | None, threads: int | None = None
+    ) -> NDArray[np.float32]:
+        return over(self._caster.draw(camera, threads=threads), background)
+
+    def sample(self, places: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """The field and its standard deviation, each (N,), at world `places` (N, 3); NaN outside the field and in holes."""
+        return self.emulator.sample(self.point, np.asarray(places, dtype=np.float64))
+
+    @property
+    def contents(self) -> list[tuple[str, str]]:
+        """The things that it consists of, and how many there are."""
+        nz, ny, nx = self.emulator.shape
+        return [("samples of the field", f"{nx} x {ny} x {nz}")]
+
+    def __repr__(self) -> str:
+        at = named(self.parameters)
+        nz, ny, nx = self.emulator.shape
+        return f"<EmulatedMember at {at or 'no parameters'}: {nx} x {ny} x {nz} samples>"
+
+    def _repr_html_(self) -> str:
+        """The same for notebooks, with a picture."""
+        return member_html(self)

@@ -1,0 +1,70 @@
+"""One member drawn twice, by its Gaussians and from its emulated field: the mean of both pictures."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from catalogs.vocabulary.cameras import Camera
+from surrogate.gaussians import Normalization
+from surrogate.model.deformed import DeformedGaussians, checked_background, named
+from surrogate.model.emulated_member import EmulatedMember
+from surrogate.notebook import member_html
+
+
+@dataclass(frozen=True, eq=False)
+class MeanMember:
+    """The mean of two predictions, whose errors differ, is mostly better than either.  Made by `Surrogate.at`."""
+
+    gaussians: DeformedGaussians
+    emulated: EmulatedMember
+
+    @property
+    def parameters(self) -> Mapping[str, float | str]:
+        """Those of the simulation, and of the visualization where they were given."""
+        return self.emulated.parameters
+
+    @property
+    def normalization(self) -> Normalization:
+        """Between world and normalized coordinates."""
+        return self.emulated.normalization
+
+    def render(self, camera: Camera, *, background: Sequence[float] | None = None) -> NDArray[np.float32]:
+        """The picture that `camera` sees, (H, W, 4) float32 premultiplied RGBA in [0, 1]; see `EmulatedMember.render`."""
+        return self.render_over(camera, checked_background(background))
+
+    def render_over(self, camera: Camera, background: NDArray[np.float32] | None) -> NDArray[np.float32]:
+        """The same with a background from `checked_background`."""
+        return 0.5 * (self.gaussians.render_over(camera, background) + self.emulated.render_over(camera, background))
+
+    def render_alone(self, camera: Camera, background: NDArray[np.float32] | None) -> NDArray[np.float32]:
+        """The same picture by one thread; `background` from `checked_background`."""
+        return 0.5 * (self.gaussians.render_alone(camera, background) + self.emulated.render_alone(camera, background))
+
+    def sample(self, places: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """The field and its standard deviation at world places (N, 3); see `EmulatedMember.sample`."""
+        return self.emulated.sample(places)
+
+    def field(self) -> Any:
+        """The emulated field; see `EmulatedMember.field`."""
+        return self.emulated.field()
+
+    @property
+    def contents(self) -> list[tuple[str, str]]:
+        """The things that it consists of, and how many there are."""
+        return [*self.gaussians.contents, *self.emulated.contents]
+
+    def __repr__(self) -> str:
+        return f"<MeanMember at {named(self.parameters) or 'no parameters'}: {self.gaussians!r} and {self.emulated!r}>"
+
+    def _repr_html_(self) -> str:
+        """The same for notebooks, with a picture."""
+        return member_html(self)
+
+
+# One member of an ensemble, drawn by any of its representations.
+MemberModel = DeformedGaussians | EmulatedMember | MeanMember

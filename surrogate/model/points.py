@@ -1,0 +1,24 @@
+"""The points at which each representation of an ensemble is drawn."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from surrogate.model.field_model import FieldPoint
+from surrogate.model.places import ParameterPoint
+
+
+@dataclass(frozen=True, eq=False)
+class BothPoints:
+    """The same parameters for the Gaussians and for the emulated field."""
+
+    gaussians: ParameterPoint
+    field: FieldPoint
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """A sentence about each parameter that is out of bounds."""
+        return self.field.warnings
+
+
+AnyPoint = ParameterPoint | FieldPoint | BothPoints

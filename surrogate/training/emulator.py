@@ -1,0 +1,182 @@
+"""The emulator of a catalog's coarse fields: fitted before the Gaussians, and compared with them on validation images."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from catalogs.store.catalog import Catalog, Member
+from catalogs.vocabulary.appearance import Appearance, Isosurface, VolumeRendering, field_of
+from surrogate.appearance.scale import ValueScale
+from surrogate.emulation import EmulatedFields
+from surrogate.emulation.fitting import FEWEST
+from surrogate.evaluation.cases import VALIDATION, Case, base_validation, variation_validation
+from surrogate.evaluation.predictor import SurrogatePredictor
+from surrogate.evaluation.scoring import mean, score_cases, spread
+from surrogate.model import Surrogate
+from surrogate.model.field_model import FieldModel
+from surrogate.model.representation import BOTH, FIELD, GAUSSIANS, VIEW, RepresentationScores
+from surrogate.provenance import code, commit
+from surrogate.training.source import Source
+
+MOST_SCORED = 48  # validation images of each kind
+TIMED = 7  # pictures
+
+
+def drawable(source: Source) -> tuple[Appearance, ...]:
+    """The appearances that an emulated field can show: the base first, then those of its variations; () where the base is none."""
+    if not isinstance(source.target, VolumeRendering | Isosurface):
+        return ()
+    names = {setting.appearance for variation in source.variations for setting in variation.settings}
+    others = (a for a in source.catalog.plan.appearances if a.name in names)
+    return (source.target, *(a for a in others if isinstance(a, VolumeRendering | Isosurface)))
+
+
+def lacking(source: Source) -> str:
+    """A sentence where no emulator can be fitted, and the remedy; "" where one can."""
+    appearances = drawable(source)
+    if not appearances:
+        return f"{source.appearance} shows pictures of another program, of which no field is known"
+    members = [m for m in source.catalog.members if m.split == "train"]
+    having = sum(m.coarse_field(field_of(source.target)) is not None for m in members)
+    if having >= FEWEST:
+        return ""
+    if len(members) < FEWEST:
+        return f"it takes {FEWEST} members or more to learn from"
+    return (
+        f"{having or 'none'} of {len(members)} members to learn from keep a coarse field: `insitu dataset` or "
+        "`insitu ensemble` with --add-coarse-fields adds them where the data still exist"
+    )
+
+
+def fit(source: Source, fingerprint: str) -> FieldModel:
+    """The emulator of each field, fitted to the members for training.
+
+    Raises ValueError where too few members keep coarse fields, or they lie on different lattices.
+    """
+    if sentence := lacking(source):
+        raise ValueError(f"{source.catalog.path}: {sentence}")
+    started, processor = time.perf_counter(), time.process_time()
+    appearances = drawable(source)
+    volumes = [a for a in reversed(appearances) if isinstance(a, VolumeRendering)]
+    scales = {field_of(a): ValueScale.of_function(a.transfer_function) for a in volumes}
+    emulators = EmulatedFields.fit(source.catalog, scales)
+    return FieldModel(
+        emulators,
+        tuple(a for a in appearances if field_of(a) in emulators),
+        source.variations,
+        source.normalization,
+        source.catalog.plan.background,
+        _sample_distances(source.catalog),
+        {
+            "fingerprint": fingerprint,
+            "appearance": source.appearance,
+            "seconds": time.perf_counter() - started,
+            "processor_seconds": time.process_time() - processor,
+            "commit": commit(),
+            "code_version": code(),
+            "settings": source.settings.to_json(),
+        },
+    )
+
+
+def _sample_distances(catalog: Catalog) -> dict[str, float]:
+    """Those that the images were rendered with, by appearance; a variation's are those of its base."""
+    distances = dict(catalog.plan.provenance.get("sample_distances") or {})
+    names = {s.appearance: v.base for v in catalog.plan.variations if v.edits_base for s in v.settings}
+    return distances | {name: distances[base] for name, base in names.items() if base in distances}
+
+
+def compared(surrogate: Surrogate, catalog: Catalog) -> RepresentationScores:
+    """Scores of what the surrogate holds on validation images, by kind of question, with its size and speed."""
+    appearance, background = str(surrogate.training["appearance"]), catalog.plan.background
+    groups = {VIEW: _of_validation_members(base_validation(catalog, appearance))}
+    groups |= {v.kind: _of_validation_members(variation_validation(catalog, v)) for v in surrogate.variations}
+    psnr: dict[str, dict[str, float]] = {}
+    for kind, cases in groups.items():
+        for name in surrogate.representations if cases else ():
+            predictor = SurrogatePredictor(_at(surrogate.using(name)), background)
+            [scores] = score_cases(predictor, catalog, cases)
+            if (score := mean(scores.values(), "psnr")) is not None:
+                psnr.setdefault(kind, {})[name] = score
+    return RepresentationScores(psnr, sizes(surrogate), speeds(surrogate, catalog.members))
+
+
+def with_emulator(source: Source, directory: Path, fingerprint: str, *, required: bool = False) -> None:
+    """Fit and keep the emulator of a run in `directory`, where it has none and one can be fitted.
+
+    Raises ValueError where one is `required` and can't be, and where `directory` holds that of another run.
+    """
+    if FieldModel.exists(directory):
+        if FieldModel.load(directory).training.get("fingerprint") != fingerprint:
+            raise ValueError(
+                f"{directory} holds the emulator of another run: delete that folder, or train into another one"
+            )
+    elif required or not lacking(source):
+        fit(source, fingerprint).save(directory)
+
+
+def keep_comparison(surrogate: Surrogate, catalog: Catalog, directory: Path) -> None:
+    """Compare what a surrogate in `directory` holds, and keep the scores, unless that was done for all of it."""
+    if surrogate.field is None:
+        return
+    if set(surrogate.scores.milliseconds) != set(surrogate.representations):
+        compared(surrogate, catalog).save(directory)
+
+
+def _of_validation_members(cases: Sequence[Case]) -> list[Case]:
+    """Some cases of members for validation: what was learnt from says nothing of unseen parameters."""
+    unseen = [case for case in cases if case.member.split == VALIDATION]
+    return [unseen[i] for i in spread(len(unseen), MOST_SCORED)]
+
+
+def _at(surrogate: Surrogate) -> Any:
+    return partial(surrogate.at, outside="allow")
+
+
+def sizes(surrogate: Surrogate) -> dict[str, float]:
+    """Megabytes of each representation as it is stored."""
+    each = {GAUSSIANS: surrogate.megabytes, FIELD: 0.0 if surrogate.field is None else surrogate.field.megabytes}
+    each[BOTH] = sum(each.values())
+    return {name: each[name] for name in surrogate.representations}
+
+
+def speeds(surrogate: Surrogate, members: Sequence[Member]) -> dict[str, float]:
+    """Milliseconds of a picture of the catalog's size by each representation, the median of a few views of one member."""
+    milliseconds: dict[str, float] = {}
+    for name in surrogate.representations:
+        member = surrogate.using(name).at(members[0].parameters, outside="allow")
+        views = [members[0].cameras[i] for i in spread(len(members[0].cameras), TIMED)]
+        member.render(views[0])
+        seconds = []
+        for view in views:
+            started = time.perf_counter()
+            member.render(view)
+            seconds.append(time.perf_counter() - started)
+        milliseconds[name] = 1e3 * float(np.median(seconds))
+    return milliseconds
+
+
+def described(scores: RepresentationScores, kind: str = VIEW) -> Iterator[str]:
+    """A sentence on what draws an ensemble best, with both representations' scores; nothing where nothing tells."""
+    psnr = scores.psnr.get(kind, {})
+    words = {
+        FIELD: "from its emulated field",
+        GAUSSIANS: "by its Gaussians",
+        BOTH: "as the mean of both",
+    }
+    best, *others = sorted(psnr, key=lambda name: -psnr[name]) or [""]
+    if best:
+        yield f"drawn {'best ' if others else ''}{words[best]}: {_facts(scores, psnr, best)}"
+    for name in others:
+        yield f"  {words[name]}: {_facts(scores, psnr, name)}"
+
+
+def _facts(scores: RepresentationScores, psnr: Mapping[str, float], name: str) -> str:
+    size, milliseconds = scores.megabytes.get(name, 0.0), scores.milliseconds.get(name, 0.0)
+    return f"{psnr[name]:.1f} dB on validation images, {size:.2g} MB, {milliseconds:.2g} ms a picture"
