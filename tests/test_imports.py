@@ -8,6 +8,7 @@ import resource
 import subprocess
 import sys
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -62,8 +63,13 @@ def test_the_packages_themselves_load_nothing_heavy() -> None:
     assert result.stdout.strip() == "[]", result.stdout + result.stderr
 
 
-def imports_of(folder: str) -> Iterator[tuple[str, str]]:
+@cache
+def imports_of(folder: str) -> tuple[tuple[str, str], ...]:
     """Imports of the modules below a folder, with their places, by every name that may be a module."""
+    return tuple(_imports(folder))
+
+
+def _imports(folder: str) -> Iterator[tuple[str, str]]:
     for path in sorted((PROJECT / folder).rglob("*.py")):
         for node in ast.walk(ast.parse(path.read_text())):
             if isinstance(node, ast.ImportFrom):

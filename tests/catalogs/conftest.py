@@ -75,10 +75,26 @@ def rewrite_record(member: Path, **changes: object) -> None:
     (member / "member.json").write_bytes(sealed({**record, **changes}))
 
 
+@pytest.fixture(scope="session")
+def small_catalog(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A catalog of a training and a test member, to be copied."""
+    return _small(tmp_path_factory.mktemp("catalogs")).path
+
+
 @pytest.fixture
-def catalog(tmp_path: Path) -> Catalog:
+def catalog(tmp_path: Path, small_catalog: Path) -> Catalog:
     """A catalog of a training and a test member."""
-    made = Catalog.create(tmp_path / "small.cdb", make_plan())
+    return Catalog.open(shutil.copytree(small_catalog, tmp_path / "small.cdb"))
+
+
+@pytest.fixture
+def created_catalog(tmp_path: Path) -> Catalog:
+    """The same, as its creator has it open."""
+    return _small(tmp_path)
+
+
+def _small(folder: Path) -> Catalog:
+    made = Catalog.create(folder / "small.cdb", make_plan())
     add_member(made, "first", 120.0, seed=1)
     add_member(made, "second", 180.0, split="test", seed=2)
     return made

@@ -41,7 +41,7 @@ def test_an_unknown_name_is_refused_with_those_that_there_are(package: str) -> N
         ("insitu.render_member", "vtkmodules", "insitu"),
         ("render.render_views", "vtkmodules", "insitu"),
         ("surrogate.Surrogate", "torch", "surrogate"),
-        ("surrogate.show", "aiohttp", "explore"),
+        pytest.param("surrogate.show", "aiohttp", "explore", marks=pytest.mark.slow),
     ],
 )
 def test_a_missing_dependency_is_named_with_the_extra_that_brings_it(name: str, missing: str, extra: str) -> None:

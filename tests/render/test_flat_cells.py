@@ -59,7 +59,9 @@ def test_two_waves_in_sixteen_layers_are_kept(kind: str, on_cells: bool, axis: i
     assert "coarser" not in grid.notes[0]
 
 
-@pytest.mark.parametrize("kind", ["structured", "tetrahedra", "explicit", "rectilinear"])
+@pytest.mark.parametrize(
+    "kind", ["structured", pytest.param("tetrahedra", marks=pytest.mark.slow), "explicit", "rectilinear"]
+)
 @pytest.mark.parametrize(("ratio", "said"), [(1.1, False), (1.5, True)])
 def test_layers_that_grow_are_resolved_or_the_note_says_that_they_are_not(kind: str, ratio: float, said: bool) -> None:
     ends = heights(24, ratio)

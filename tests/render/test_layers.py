@@ -64,7 +64,7 @@ def test_blocks_against_the_ray_marcher(gyroid, smooth, where) -> None:
 
 
 @pytest.mark.parametrize("shaded", [False, True])
-@pytest.mark.parametrize("count", [2, 5, 8])
+@pytest.mark.parametrize("count", [pytest.param(2, marks=pytest.mark.slow), 5, pytest.param(8, marks=pytest.mark.slow)])
 def test_uneven_blocks_of_a_volume(gyroid, peaks, smooth, shaded, count) -> None:
     owned = kd_boxes(gyroid.shape, count, np.random.default_rng(count))
     for transfer in (smooth, peaks):

@@ -50,7 +50,7 @@ def test_kd_blocks_are_not_cut_and_come_in_the_order_of_every_ray(seed, count) -
     assert met == sorted(met)
 
 
-@pytest.mark.parametrize("size", [9, 30])
+@pytest.mark.parametrize("size", [9, pytest.param(30, marks=pytest.mark.slow)])
 def test_blocks_that_hide_one_another_in_a_circle_are_cut(size) -> None:
     boxes = pinwheel(size)
     shape = (size,) * 3

@@ -11,6 +11,7 @@ import re
 import sys
 import tokenize
 from collections.abc import Iterator
+from functools import lru_cache
 from pathlib import Path
 
 PROJECT = Path(__file__).resolve().parents[2]
@@ -71,12 +72,26 @@ def sentences(text: str, line: int) -> Iterator[Found]:
                 yield first, f"sentence of {len(words)} words: {' '.join(words[:8])} ..."
 
 
+@lru_cache(maxsize=1)
+def nodes_of(source: str) -> tuple[ast.AST, ...]:
+    """All nodes of a Python file."""
+    return tuple(ast.walk(ast.parse(source)))
+
+
+def statements(source: str) -> Iterator[ast.AST]:
+    """A Python file's module and its statements, which are few among its nodes."""
+    rest: list[ast.AST] = [ast.parse(source)]
+    while rest:
+        node = rest.pop()
+        yield node
+        rest += [part for part in ast.iter_child_nodes(node) if isinstance(part, ast.stmt | ast.excepthandler)]
+
+
 def in_python(source: str, docstrings_only: bool) -> Iterator[Found]:
     """Violations in a Python file's docstrings and, unless these alone are asked for, its comments and messages."""
-    tree = ast.parse(source)
     holders = (ast.Module, ast.ClassDef, ast.FunctionDef, ast.AsyncFunctionDef)
     docstrings = {}
-    for node in ast.walk(tree):
+    for node in statements(source) if docstrings_only else nodes_of(source):
         if isinstance(node, holders) and (text := ast.get_docstring(node, clean=False)) is not None:
             line = node.body[0].lineno
             docstrings[line] = text
@@ -86,10 +101,12 @@ def in_python(source: str, docstrings_only: bool) -> Iterator[Found]:
             yield from sentences(ast.get_docstring(node) or "", line)
     if docstrings_only:
         return
-    constants = [(node.lineno, node.value) for node in ast.walk(tree) if isinstance(node, ast.Constant)]
+    constants = [(node.lineno, node.value) for node in nodes_of(source) if isinstance(node, ast.Constant)]
     for line, value in constants:
         if isinstance(value, str) and " " in value.strip() and docstrings.get(line) != value:
             yield from ((line, message) for _, message in phrases(value, 0))
+    if not PHRASES.search(re.sub(r"\s", " ", source)):
+        return
     for token in tokenize.generate_tokens(io.StringIO(source).readline):
         if token.type == tokenize.COMMENT:
             yield from phrases(token.string, token.start[0])
@@ -97,12 +114,11 @@ def in_python(source: str, docstrings_only: bool) -> Iterator[Found]:
 
 def participles(source: str) -> Iterator[Found]:
     """Variables, parameters, attributes and functions whose name is a participle alone."""
-    tree = ast.parse(source)
-    bodies = [node.body for node in ast.walk(tree) if isinstance(node, ast.ClassDef)]
+    bodies = [node.body for node in nodes_of(source) if isinstance(node, ast.ClassDef)]
     members = [part for body in bodies for part in body]
     allowed = {id(part) for part in members if isinstance(part, ast.FunctionDef) and part.name in METHODS}
     allowed |= {id(p.target) for p in members if isinstance(p, ast.AnnAssign) and getattr(p.target, "id", "") in FIELDS}
-    for node in ast.walk(tree):
+    for node in nodes_of(source):
         if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
             name = node.name
         elif isinstance(node, ast.arg):

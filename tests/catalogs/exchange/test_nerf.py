@@ -217,6 +217,7 @@ def nyx(shared_data: Path, tmp_path_factory: pytest.TempPathFactory) -> Catalog:
 
 
 @pytest.mark.filterwarnings("ignore:parameter")
+@pytest.mark.slow
 class TestNyx:
     """The real pictures of the Nyx cosmology."""
 
@@ -249,7 +250,6 @@ class TestNyx:
                 looked_at += 1
         assert looked_at > 100
 
-    @pytest.mark.slow
     def test_cameras_agree_on_one_solid(self, nyx: Catalog) -> None:
         """The visual hull of all views explains every view's silhouette; were world and camera confused it would not."""
         member = nyx.member("train-000")

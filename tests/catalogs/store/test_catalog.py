@@ -126,9 +126,10 @@ def test_an_incomplete_member_is_not_stored(catalog: Catalog) -> None:
 
 @pytest.mark.parametrize("left", range(31))
 def test_a_disk_that_fills_at_any_write_changes_nothing(
-    catalog: Catalog, monkeypatch: pytest.MonkeyPatch, left: int
+    created_catalog: Catalog, monkeypatch: pytest.MonkeyPatch, left: int
 ) -> None:
     """24 images, summary, rows and record of the member, the new table and the journal: the disk is full after `left` of them."""
+    catalog = created_catalog
     before, count = tree(catalog.path), [0]
 
     def filling(write: Callable[[Path, bytes], None]) -> Callable[[Path, bytes], None]:

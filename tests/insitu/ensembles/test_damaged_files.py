@@ -54,6 +54,7 @@ def test_of_a_damaged_run_the_others_are_rendered(
     assert not catalog.missing
 
 
+@pytest.mark.slow
 def test_a_damaged_list_of_times_is_named_after_itself(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     pyvista = pytest.importorskip("pyvista")
     monkeypatch.chdir(tmp_path)

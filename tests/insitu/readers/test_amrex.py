@@ -232,6 +232,7 @@ def test_folders_of_other_kinds_are_no_plotfiles(tmp_path: Path) -> None:
 HEADERS = ["Header", "Level_0/Cell_H", "Level_1/Cell_H", "Level_0/Cell_D_00000"]
 
 
+@pytest.mark.slow
 @settings(max_examples=200)
 @given(st.sampled_from(HEADERS), st.data())
 def test_damaged_headers_are_understood_or_refused(name: str, data: st.DataObject) -> None:

@@ -191,6 +191,7 @@ def test_a_file_that_is_cut_short_within_its_last_array_is_refused(tmp_path: Pat
         read_data(path, array="x_vel")
 
 
+@pytest.mark.slow
 @settings(max_examples=200)
 @given(st.data())
 def test_a_damaged_file_is_read_or_refused(data: st.DataObject) -> None:

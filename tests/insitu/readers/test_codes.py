@@ -43,7 +43,7 @@ def test_the_commands_help_lists_the_readers(command: str) -> None:
         assert reader.name in told
 
 
-@pytest.mark.parametrize("named", [["--reader", "mycode"], []])
+@pytest.mark.parametrize("named", [pytest.param(["--reader", "mycode"], marks=pytest.mark.slow), []])
 def test_another_packages_reader_renders_its_dumps(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, named: list[str]
 ) -> None:

@@ -243,6 +243,7 @@ def small() -> Made:
     return globe(40, relax=5)
 
 
+@pytest.mark.slow
 @settings(max_examples=80)
 @given(st.sampled_from(FORMS[:2]), st.data())
 def test_a_damaged_file_is_read_or_refused(form: str, data: st.DataObject) -> None:

@@ -160,6 +160,7 @@ def _bytes() -> bytes:
 HEAD = _bytes()
 
 
+@pytest.mark.slow
 @settings(max_examples=150, deadline=None)
 @given(damaged(HEAD, head=HEAD.index(field()[0, 0, 0].tobytes())))
 def test_a_damaged_file_is_refused_or_read_as_it_was_written(data: bytes) -> None:

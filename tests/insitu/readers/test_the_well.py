@@ -122,6 +122,7 @@ def test_a_file_that_lies_is_one_error(tmp_path: Path, harm: str, message: str) 
     assert str(path) in str(caught.value)
 
 
+@pytest.mark.slow
 @settings(max_examples=60)
 @given(st.data())
 def test_a_damaged_file_is_read_or_refused(data: st.DataObject) -> None:

@@ -185,6 +185,7 @@ def test_a_hostile_file_is_one_error(tmp_path: Path, harm: object, message: str)
     assert str(path) in str(caught.value)
 
 
+@pytest.mark.slow
 @settings(max_examples=200)
 @given(st.data())
 def test_a_damaged_file_is_read_or_refused(data: st.DataObject) -> None:

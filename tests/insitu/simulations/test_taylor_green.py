@@ -39,7 +39,9 @@ def history(resolution: int, until: float) -> tuple[np.ndarray, np.ndarray, np.n
 # --- against the plain twin ------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("resolution", [8, 12, 16, 20, 28])  # the highest kept wavenumber is even and odd among them
+@pytest.mark.parametrize(
+    "resolution", [8, 12, 16, 20, pytest.param(28, marks=pytest.mark.slow)]
+)  # the highest kept wavenumber is even and odd among them
 def test_the_flow_is_that_of_the_plain_twin(resolution: int):
     flow = TaylorGreen(resolution=resolution, reynolds=50.0, dtype="float64", cfl=0.05)
     box = PeriodicBox(resolution, flow.viscosity, dtype="float64", cfl=0.05)

@@ -264,9 +264,9 @@ def nearest(variation: Variation, unseen: VariationSetting) -> VariationSetting:
 @pytest.mark.parametrize(
     ("carried", "variation", "better"),
     [
-        ("values", FUNCTIONS, 1.0),
+        pytest.param("values", FUNCTIONS, 1.0, marks=pytest.mark.slow),
         ("colors", FUNCTIONS, 3.0),
-        ("colors", ISOVALUE, 3.0),
+        pytest.param("colors", ISOVALUE, 3.0, marks=pytest.mark.slow),
     ],
     ids=["carried values", "functions", "isovalue"],
 )
