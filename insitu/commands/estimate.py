@@ -14,7 +14,8 @@ from insitu.commands.shell import NAMED_FILE, command
 def estimate(scene: Path) -> None:
     """Estimate the size of the data set of SCENE (a TOML file).
 
-    Makes the field of one member and draws 12 views, in a temporary folder.  Images and fields stand side by side.
+    Makes the fields of a few members, of one where they are simulated, and draws 12 views of each in a temporary folder.  Images
+    and fields stand side by side.
     """
     with command() as line:
         from catalogs.vocabulary.scene import Scene

@@ -1,4 +1,4 @@
-"""The size of a scene's data set, estimated from a few images of one of its members."""
+"""The size of a scene's data set, estimated from a few images of some members."""
 
 from __future__ import annotations
 
@@ -11,10 +11,12 @@ from pathlib import Path
 from catalogs.store.sizes import Sizes
 from catalogs.vocabulary.scene import Scene
 from catalogs.vocabulary.words import plural
-from insitu.ensembles.ensemble import pilot_members
 from insitu.ensembles.sources import ensemble_of
 from insitu.hook.session import Session
 from insitu.members.planning import PlanOptions
+from insitu.members.result import RenderedMember
+
+TRIED = 5  # members, spread over the scene
 
 
 @dataclass(frozen=True)
@@ -26,7 +28,7 @@ class Estimate:
     members, images : their numbers.
     sizes : bytes of all images and coarse fields.
     field_seconds, image_seconds : to make or read all fields, and to draw and store all images.
-    tried : the member that this was estimated from, and with how many views.
+    tried : from how many members this was estimated, and from how many views of each.
     """
 
     members: int
@@ -34,15 +36,15 @@ class Estimate:
     sizes: Sizes
     field_seconds: float
     image_seconds: float
-    tried: tuple[str, int]
+    tried: tuple[int, int]
 
     def __str__(self) -> str:
-        name, views = self.tried
+        count, views = self.tried
         minutes = (
-            f"{self.field_seconds / 60:.3g} minutes for fields and {self.image_seconds / 60:.3g} for images on one core"
+            f"{self.field_seconds / 60:.1f} minutes for fields and {self.image_seconds / 60:.1f} for images on one core"
         )
         lines = [
-            f"{plural(self.members, 'member')} with {plural(self.images, 'image')}, by {views} views of {name}:",
+            f"{plural(self.members, 'member')} with {plural(self.images, 'image')}, by {views} views of {count}:",
             f"  {self.sizes}",
             f"  {minutes}",
             *([f"  {self.sizes.advice}"] if self.sizes.advice else []),
@@ -51,9 +53,9 @@ class Estimate:
 
 
 def estimate(scene: Scene, *, progress: Callable[[float], None] = lambda fraction: None) -> Estimate:
-    """Make one member's field, and draw it from 12 views in a temporary folder.
+    """Make the fields of five members, of one where they are simulated, and draw them from 12 views in a temporary folder.
 
-    `progress` is called with the fraction of the field that is made.  Raises ValueError for a scene whose images were made
+    `progress` is called with the fraction of a field that is made.  Raises ValueError for a scene whose images were made
     elsewhere, and as `insitu.make_dataset` does.
     """
     scene.check_tables()
@@ -61,21 +63,22 @@ def estimate(scene: Scene, *, progress: Callable[[float], None] = lambda fractio
         raise ValueError(f"scene {scene.path}: nothing of it is rendered here, so there is nothing to estimate")
     ensemble = ensemble_of(scene)
     members = scene.assigned(ensemble.members)
-    (pilot,) = pilot_members(members, ensemble.space, 1)
+    count = min(len(members), 1 if ensemble.source.expensive else TRIED)
+    chosen = [members[(2 * i + 1) * len(members) // (2 * count)] for i in range(count)]
     options = replace(PlanOptions.of_scene(scene, ensemble.space), views=replace(scene.views, frequency=1))
-    started = clock.perf_counter()
-    field = ensemble.source.field(pilot, progress)
-    field_seconds = clock.perf_counter() - started
+    field_seconds, results = 0.0, list[RenderedMember]()
     with (
         tempfile.TemporaryDirectory() as folder,
         Session(Path(folder) / "pilot.cdb", **vars(options), nan=scene.render.nan, warn=lambda note: None) as session,
     ):
-        result = session.render_member(field, pilot.parameters, appearances=pilot.appearances)
-    views, count = len(scene.views.splits()), len(members)
-    appearance_counts = [len(scene.appearances if m.appearances is None else m.appearances) for m in members]
-    images = views * sum(appearance_counts)
-    share = images / result.images
-    sizes = Sizes(round(share * result.sizes.images), count * result.sizes.fields, views, result.sizes.whole)
-    seconds = share * (result.render_seconds + result.write_seconds)
-    few = result.images // appearance_counts[members.index(pilot)]
-    return Estimate(count, images, sizes, count * field_seconds, seconds, (pilot.name, few))
+        for member in chosen:
+            started = clock.perf_counter()
+            field = ensemble.source.field(member, progress)
+            field_seconds += clock.perf_counter() - started
+            results.append(session.render_member(field, member.parameters, appearances=member.appearances))
+    counts = [len(scene.appearances if m.appearances is None else m.appearances) for m in members]
+    views, of_these = len(scene.views.splits()), sum((result.sizes for result in results), Sizes(whole=True))
+    images, few, share = views * sum(counts), sum(result.images for result in results), len(members) / count
+    sizes = Sizes(round(images / few * of_these.images), round(share * of_these.fields), views, of_these.whole)
+    seconds = images / few * sum(result.render_seconds + result.write_seconds for result in results)
+    return Estimate(len(members), images, sizes, share * field_seconds, seconds, (count, of_these.views))
