@@ -11,7 +11,7 @@ import torch
 from surrogate import TrainingSettings, train
 from surrogate.gaussians import Gaussians
 from surrogate.storage.checkpoints import Checkpoint
-from surrogate.training.loop import Diverged, LoopMemory, StageRun, as_drawn, first_huge, first_infinite, seen
+from surrogate.training.loop import Diverged, LoopMemory, StageRun, as_drawn, first_huge, first_infinite, is_visible
 from surrogate.training.optimizer import Adam
 from surrogate.training.source import Source
 from surrogate.training.stages import RATES, canonical_stage
@@ -73,11 +73,11 @@ def test_a_scale_that_no_box_can_need_is_named_where_it_is_seen() -> None:
 
 
 def test_what_is_faint_or_far_away_is_not_seen() -> None:
-    assert seen(drawn(9e3), 0.004).tolist() == [False, False, True, False]
-    assert not seen(drawn(9e3, opacity=0.003), 0.004).any()
+    assert is_visible(drawn(9e3), 0.004).tolist() == [False, False, True, False]
+    assert not is_visible(drawn(9e3, opacity=0.003), 0.004).any()
     far = drawn(1.0, place=40.0)
     far["scales"][:] = 1.0
-    assert not seen(far, 0.004).any()
+    assert not is_visible(far, 0.004).any()
 
 
 def test_a_training_that_shows_nothing_any_more_has_diverged(

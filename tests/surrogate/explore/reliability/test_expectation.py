@@ -207,7 +207,7 @@ def test_nothing_is_expected_where_training_never_showed_the_values_that_a_funct
     everywhere, at_base = Setting({"p": 0.5}, {"c1_value": 0.1}), Setting({"p": 0.5})
     for shown, new in (((1.0, 1.0, 1.0), 0.0), ((0.0, 1.0, 1.0), None), ((0.0, 0.0, 1e-6), None)):
         seen = SeenValues(edges, np.full(3, 1 / 3), 10.0 * np.array(shown))
-        there = replace(known, seen=seen)
+        there = replace(known, seen_values=seen)
         share = seen.novelty(everywhere.transfer_function(surrogate))
         found = there.at(everywhere, surrogate)
         assert there.at(at_base, surrogate).psnr == 40.0  # the base is what was trained, whatever it shows
