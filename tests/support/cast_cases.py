@@ -53,6 +53,13 @@ def inside(field: SampledField, size: int = 48) -> Camera:
     )
 
 
+def far_away(field: SampledField, distance: float = 1e7, size: int = 24) -> Camera:
+    """From 1e16 on double precision no longer resolves the box."""
+    middle = (field.size - 1) * field.spacing / 2 + field.origin
+    place = middle + distance * np.array([0.5, -0.7, 0.4])
+    return Camera.look_at(place, middle, vertical_fov_degrees=200 / distance, width=size, height=size)
+
+
 def with_values(values: NDArray[np.floating], holes: NDArray[np.bool_] | None = None) -> SampledField:
     return replace(gyroid(), values=values, holes=holes)
 
@@ -125,6 +132,7 @@ def cast_cases() -> dict[str, CastCase]:
         "constant": CastCase(with_values(np.full((4, 5, 6), 0.5, np.float32)), SMOOTH, camera),
         "constant beyond the function": CastCase(with_values(np.full((4, 5, 6), 1e30, np.float32)), SMOOTH, camera),
         "values far out": CastCase(with_values(outlying), SMOOTH, camera),
+        "from far away": CastCase(field, SMOOTH, far_away(field), shaded=True, rendered=False),
         "a narrow range": CastCase(narrow, SMOOTH, camera, shaded=True),
         "float64": CastCase(with_values(field.values.astype(np.float64)), SMOOTH, camera),
     }

@@ -5,7 +5,7 @@
 
 namespace gs {
 
-constexpr int kBrick = 8;             // grid cells along an edge of a brick
+constexpr int kBrickBits = 2, kBrick = 1 << kBrickBits;  // grid cells along an edge of a brick
 constexpr int kSegmentColumns = 12;   // of a segment, see CastFunction
 constexpr int kShortFunction = 32;    // segments that AVX-512 keeps in registers
 

@@ -154,7 +154,8 @@ SegmentedFunction::SegmentedFunction(const double* knots, int64_t count, const P
     begins_.push_back(std::numeric_limits<float>::infinity());
     if (function.count <= kShortFunction) {
         float* columns = columns_.resize(size_t(kSegmentColumns * kShortFunction));
-        std::fill(columns, columns + kSegmentColumns * kShortFunction, 0.0f);
+        std::fill(columns, columns + kShortFunction, std::numeric_limits<float>::infinity());  // places that no value reaches
+        std::fill(columns + kShortFunction, columns + kSegmentColumns * kShortFunction, 0.0f);
         for (int s = 0; s < function.count; ++s)
             for (int k = 0; k < kSegmentColumns; ++k) columns[k * kShortFunction + s] = rows_[size_t(s * kSegmentColumns + k)];
         function.columns = columns;

@@ -16,11 +16,13 @@ from render.quality import psnr
 from surrogate import kernels
 from surrogate.ray_casting import SampledField, SurfaceCaster, draw_isosurface
 from surrogate.ray_casting.reference import draw_isosurface_reference
-from tests.support.cast_cases import SMOOTH, gyroid, inside, punctured, seen, with_values
+from tests.support.cast_cases import SMOOTH, far_away, gyroid, inside, punctured, seen, with_values
 
 FIELD = gyroid()
 SHINY = Isosurface("iso", 0.2, (0.9, 0.4, 0.1), 0.1, 0.6, 0.5, 35.0)
 THIN = SampledField(np.linspace(-1, 1, 8, dtype=np.float32).reshape(2, 2, 2), None, (0.5, 1.0, 2.0))
+
+LEVELS = with_values(np.broadcast_to(np.arange(4, dtype=np.float32)[:, None, None], (4, 5, 6)).copy())
 
 
 def outlying() -> SampledField:
@@ -41,6 +43,9 @@ CASES: dict[str, tuple[SampledField, float, Camera]] = {
     "a wide image": (FIELD, 0.2, seen(FIELD, 37, 30, 19)),
     "one pixel": (FIELD, 0.2, seen(FIELD, 1)),
     "one cell": (THIN, 0.1, seen(THIN, 40)),
+    "through the faces": (LEVELS, 2.999999, seen(LEVELS, 40, 30)),
+    "on the faces": (LEVELS, 3.0, seen(LEVELS, 40, 3)),
+    "from far away": (FIELD, 0.2, far_away(FIELD)),
     "beyond every value": (FIELD, 7.0, seen(FIELD, 9)),
     "constant at the isovalue": (with_values(np.full((4, 5, 6), 0.2, np.float32)), 0.2, seen(FIELD, 9)),
     "values far out": (outlying(), 0.2, seen(FIELD, 40)),

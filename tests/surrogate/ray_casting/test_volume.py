@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -15,11 +16,11 @@ from render.grids import Grid
 from render.quality import psnr
 from render.shaders import AMBIENT, DIFFUSE, SPECULAR, SPECULAR_POWER
 from surrogate import kernels
-from surrogate.ray_casting import VolumeCaster, draw_volume
+from surrogate.ray_casting import SurfaceCaster, VolumeCaster, draw_volume
 from surrogate.ray_casting.fields import SampledField
 from surrogate.ray_casting.reference import draw_volume_reference
 from surrogate.ray_casting.volume import HEADLIGHT
-from tests.support.cast_cases import SMOOTH, CastCase, cast_cases, gyroid, punctured, seen
+from tests.support.cast_cases import SMOOTH, CastCase, cast_cases, far_away, gyroid, punctured, seen
 from tests.support.raymarch import march
 
 CASES = cast_cases()
@@ -87,6 +88,18 @@ def test_a_homogeneous_medium_has_the_stated_opacity_at_any_step(opacity: float,
     rgba = draw_volume(values, None, *place, VolumeRendering("flat", transfer), camera, sample_distance=step)[0, 0]
     alpha = -math.expm1(math.log1p(-opacity) / unit) if opacity < 1.0 else 1.0
     np.testing.assert_allclose(rgba, alpha * np.array([1.0, 0.5, 0.0, 1.0]), atol=1.3e-4 if alpha > 0.999 else 2e-6)
+
+
+@pytest.mark.parametrize("distance", [1e13, 1e17, 1e100])
+@pytest.mark.parametrize("kind", ["volume", "surface"])
+def test_a_box_that_double_precision_does_not_resolve_is_drawn_somehow(distance: float, kind: str) -> None:
+    field = gyroid()
+    camera = replace(far_away(field, distance), fx=1e3 * distance, fy=1e3 * distance)
+    volume, surface = VolumeRendering("dvr", SMOOTH, shaded=True), Isosurface("iso", 0.2)
+    caster = VolumeCaster.of(field, volume) if kind == "volume" else SurfaceCaster.of(field, surface)
+    image = caster.draw(camera)
+    assert (image >= 0.0).all()
+    assert (image <= 1.0).all()
 
 
 def test_half_the_smallest_spacing_is_the_default_distance() -> None:
