@@ -26,7 +26,7 @@ SLACK = 1e-3  # of a step, that a ray may be longer than its steps
 FARTHEST = 1e6  # widths of the drawn range: values beyond are held there
 NEARLY_OPAQUE = 1e-6  # no derivative by an opacity that lies closer to 1
 ROUNDING = 2.0**-22  # of the values: a smaller difference of two interpolated ones is none
-SURFACE_STEP = 0.5  # samples, the longest step in which a surface is looked for
+SURFACE_STEP = 0.25  # samples, the longest step in which a surface is looked for
 RAYS_AT_ONCE = 4096
 
 
@@ -67,7 +67,7 @@ def draw_isosurface_reference(
 ) -> Tensor:
     """Premultiplied RGBA (height, width, 4), float64, as `draw_isosurface` defines it.
 
-    Each ray is cut into equal steps of half a sample at most; the surface is in the first in which the field changes its sign.
+    Each ray is cut into equal steps of a quarter of a sample at most; the surface is in the first in which the field changes its sign.
     """
     box, level = _Box.of(field), torch.from_numpy(field.filled.astype(np.float64)) - appearance.isovalue
     slopes = [

@@ -4,8 +4,8 @@
 
 FILE is the CloverLeaf3D ensemble of scenes/cloverleaf.toml. Volumes are drawn by one thread at several sample distances.
 Their error is against samples a 24th of a spacing apart, and against VTK's float images at the same steps. Isosurfaces
-are compared with VTK's triangles of the field, and of the field on four times as many samples, interpolated
-linearly, where triangles are nearly the trilinear surface; unlit ones show the outline alone. Times are the least
+are compared with VTK's triangles of the field. A second comparison is with triangles of the field interpolated linearly
+to four times as many samples, which nearly are the trilinear surface. Unlit surfaces show the outline alone. Times are the least
 processor time of several calls, which busy neighbours can only lengthen.
 """
 
