@@ -71,8 +71,8 @@ def draw_isosurface(
     """The isosurface of a field, lit as `render.render_views` does: premultiplied RGBA (height, width, 4), top row first.
 
     The surface is that of the trilinear field, its normals are the field's gradients by central differences; pixels are the
-    mean of 4 x 4 samples.  `render` draws triangles, which lie within the same grid cells; pieces thinner than a quarter of a sample may be missed.  `SurfaceCaster` draws several views
-    of one surface faster.
+    mean of 4 x 4 samples.  `render` draws triangles, which lie within the same grid cells.  Pieces thinner than a quarter of
+    a sample may be missed.  `SurfaceCaster` draws several views of one surface faster.
 
     Parameters
     ----------

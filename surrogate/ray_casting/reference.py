@@ -67,7 +67,8 @@ def draw_isosurface_reference(
 ) -> Tensor:
     """Premultiplied RGBA (height, width, 4), float64, as `draw_isosurface` defines it.
 
-    Each ray is cut into equal steps of a quarter of a sample at most; the surface is in the first in which the field changes its sign.
+    Each ray is cut into equal steps of a quarter of a sample at most.  The surface is in the first in which the field changes
+    its sign.
     """
     box, level = _Box.of(field), torch.from_numpy(field.filled.astype(np.float64)) - appearance.isovalue
     slopes = [
