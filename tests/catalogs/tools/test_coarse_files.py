@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import shutil
 from collections.abc import Callable
 from pathlib import Path
@@ -20,8 +21,9 @@ from catalogs.tools.packing import pack, unpack
 from catalogs.tools.repair import accept, repair
 from catalogs.tools.show import describe
 from catalogs.tools.split import split
-from tests.catalogs.conftest import add_member, make_plan, picture
+from tests.catalogs.conftest import add_member, make_plan, picture, small_plan
 from tests.support.hooked import tree
+from tests.support.mortal_disk import LOSSES, MortalDisk, check_consistent, in_child
 
 FIRST, SECOND = f"members/first/{COARSE}", f"members/second/{COARSE}"
 
@@ -156,3 +158,34 @@ def test_fewer_views_are_advised_only_where_they_may_do() -> None:
     for other in (Sizes(1_270_000, 0, 252), Sizes(10, 20, 252, True), Sizes(100, 20, 42, True), Sizes(100, 20, 252)):
         assert other.advice == ""
     assert str(Sizes(999)) == "999 bytes of images, no coarse fields"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("loss", LOSSES)
+def test_whoever_is_killed_while_adding_leaves_a_whole_catalog(tmp_path: Path, loss: str) -> None:
+    made = Catalog.create(tmp_path / "a.cdb", small_plan())
+    add_member(made, "first", 120.0)
+    shutil.copytree(made.path, tmp_path / "b.cdb")
+    other = Catalog.open(tmp_path / "b.cdb")
+    other.add_coarse_fields("first", {"": field(0)})
+    for step in range(1, 100):
+        path = tmp_path / f"{step}.cdb"
+        shutil.copytree(made.path, path)
+        disk = MortalDisk(step, loss, path)
+
+        def add(disk: MortalDisk = disk, path: Path = path) -> None:
+            disk.install()
+            Catalog.open(path).add_coarse_fields("first", {"": field(0)})
+
+        _, wait = in_child(add)
+        status = wait()
+        check_consistent(path)
+        assert check(path) == []
+        if not has_coarse_fields(path / "members/first", made.plan):
+            Catalog.open(path).add_coarse_fields("first", {"": field(0)})
+        assert coarse_files(path) == coarse_files(other.path)
+        assert check(path) == []
+        if os.WIFEXITED(status):
+            break
+    assert os.WEXITSTATUS(status) == 0
+    assert step > 4
