@@ -19,6 +19,7 @@ from surrogate.emulation.validation import TINY, LeftOut, needed, residual_of
 FEWEST = 3  # members
 FARTHEST = 8.0  # samples from a hole's surface, beyond which distances say nothing
 COMPARED = 8_192  # samples at which the scale is chosen, errors are measured and standard deviations are made to hold
+CLEARLY = 0.01  # of the squared error, by which a scale must predict better than the field's unit
 SEED = 0
 
 
@@ -80,7 +81,8 @@ def fit(members: Members, scale: ValueScale | None) -> dict[str, Any]:
     fitted = _Fit.of(members, None)
     if scale is not None:
         other = _Fit.of(members, scale)
-        fitted = min(fitted, other, key=lambda f: f.error(members.fields[:, places], places, scale))
+        errors = [one.error(members.fields[:, places], places, scale) for one in (fitted, other)]
+        fitted = other if errors[1] < errors[0] - np.log1p(CLEARLY) else fitted
     return fitted.parts(members, places)
 
 
@@ -127,16 +129,16 @@ class _Fit:
         processes = storage.rounded(self.processes.first(self.count))
         error = float(np.exp(np.log(left_out.squared(self.products) / len(self.mean) + np.finfo(float).tiny).mean()))
         strengths = (processes.coefficients**2).mean(0)  # [K]
-        encodings = storage.encodings_of(self.mean, modes, residual, members.solid, strengths, error)
         differences = self.differences[:, places].astype(np.float64)  # [M, N]
+        factor = left_out.factor(differences, tails)
+        encodings = storage.encodings_of(self.mean, modes, residual, members.solid, strengths, error, factor)
         predicted = self.mean[places] + (np.eye(len(differences)) - left_out.remainders) @ differences
-        missed = (predicted if self.scale is None else self.scale.values(predicted)) - members.fields[:, places].astype(
-            np.float64
-        )
+        truth = members.fields[:, places].astype(np.float64)
+        missed = (predicted if self.scale is None else self.scale.values(predicted)) - truth
         return {
             "processes": processes,
             **storage.decoded(encodings),
-            "factor": left_out.factor(differences, tails),
+            "factor": factor,
             "errors": np.sqrt((missed**2).mean(1)).astype(np.float32).astype(np.float64),
             "spread": float(members.fields[:, places].std(dtype=np.float64)),
             "scale": self.scale,

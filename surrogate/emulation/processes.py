@@ -28,6 +28,8 @@ FIRST_NOISE = 1e-3
 # The strongest coefficients have length scales of their own; the others share, from these on.
 SHARED_FROM = (12, 30)
 MOST_STEPS = 60
+MOST_FITTED = 256  # members that decide on length scales: time grows with their cube
+SEED = 0
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,13 +63,14 @@ class Processes:
         ends = [*range(1, SHARED_FROM[0] + 1), *SHARED_FROM[1:], count]
         bounds = [e for e in sorted(set(ends)) if 0 < e <= count]
         groups = np.searchsorted(bounds, np.arange(count), side="right")  # [K]
-        squares = _squares(points, points)
+        some = np.random.default_rng(SEED).permutation(len(points))[:MOST_FITTED]
+        squares = _squares(points[some], points[some])
         optima = []
         for group in range(len(bounds)):
             first = None
             if start is not None and group < len(start.noises):
                 first = np.append(np.log(start.lengths[group]), np.log(start.noises[group]))
-            optima.append(_most_likely(squares, coefficients[:, groups == group], first))
+            optima.append(_most_likely(squares, coefficients[np.ix_(some, groups == group)], first))
         hyper = np.exp(np.reshape(optima, (len(bounds), points.shape[1] + 1)))  # [G, P + 1]
         return cls(points, coefficients, hyper[:, :-1], hyper[:, -1], groups)
 
@@ -156,6 +159,7 @@ def _most_likely(squares: Array, coefficients: Array, start: Array | None) -> Ar
     first = np.append(usual, np.log(FIRST_NOISE)) if start is None else start
     bounds: Sequence[tuple[float, float]] = [tuple(np.log(LENGTHS))] * dimensions + [tuple(np.log(NOISES))]
     strength = np.sqrt((coefficients**2).mean(0))  # [K]
+    coefficients, strength = coefficients[:, strength > 0.0], strength[strength > 0.0]
     counts = (strength / strength.max()) ** 2  # [K]
     scaled = coefficients / strength
     optimum = minimize(

@@ -21,6 +21,8 @@ from surrogate.storage.names import joined, part_of
 
 # Rounding of the modes adds this share to the mean squared error of members that were left out.
 ROUNDING = 0.01
+FINER = 257.0  # times the levels of 8 bits are those of 16
+FINEST_FACTOR = 1e-3
 OUTLINE = "outline"
 FINE, COARSE = "modes", "weak_modes"  # of 16 and 8 bits
 ROUNDED = 1.0 + 1e-6  # of bounds: numbers are stored in float32
@@ -33,16 +35,19 @@ def encodings_of(
     solid: NDArray[np.bool_] | None,
     strengths: Array,
     error: float,
+    factor: float,
 ) -> dict[str, Encoding]:
     """Of an emulator's tensors (V,), (K, V), (V,) and (V,) with modes of coefficients of mean squares `strengths` (K,).
 
-    `error` is the mean squared error at unseen parameters.
+    `error` is the mean squared error at unseen parameters.  Rounding becomes part of the residual, and `factor`, which standard
+    deviations are multiplied by, does not shrink it.
     """
     steps = np.ptp(modes, axis=1) / 255.0  # [K]
     added = steps**2 / 12.0 * strengths  # [K]
     weak = np.cumsum(added[::-1])[::-1] <= ROUNDING * error  # [K]
     fine = int(len(weak) - weak.sum())
-    rounding = added[fine:].sum()
+    rounding = added[fine:].sum() + (added[:fine].sum() + (float(np.ptp(mean)) / 255.0) ** 2 / 12.0) / FINER**2
+    rounding /= max(factor, FINEST_FACTOR) ** 2
     encodings = {
         "mean": encode(_tensor(mean), "uint16"),
         FINE: encode(_tensor(modes[:fine].T), "uint16"),

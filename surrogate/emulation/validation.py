@@ -28,12 +28,14 @@ class LeftOut:
     Attributes
     ----------
     remainders : (M, M) the true fields less the predicted.
-    components : (M, K, M) components of each member's emulator.
-    deviations : (M, K) standard deviations of their coefficients.
+    folds : (M,) the emulator that each member was predicted by.
+    components : (F, K, M) components of each emulator.
+    deviations : (M, K) standard deviations of the coefficients.
     """
 
     remainders: Array  # [M, M]
-    components: Array  # [M, K, M]
+    folds: NDArray[np.int64]  # [M]
+    components: Array  # [F, K, M]
     deviations: Array  # [M, K]
 
     __repr__ = one_line
@@ -42,21 +44,20 @@ class LeftOut:
     def of(cls, points: Array, products: Array, processes: Processes, count: int) -> LeftOut:
         """For points (M, P) and inner products (M, M); `processes` of all members are where fits start from."""
         members = len(points)
-        order = np.random.default_rng(SEED).permutation(members)
+        folds = np.random.default_rng(SEED).permutation(members) % min(FOLDS, members)  # [M]
         remainders, deviations = np.eye(members), np.zeros((members, count))
-        combined = np.zeros((members, count, members))
-        for fold in range(min(FOLDS, members)):
-            out = np.sort(order[fold::FOLDS])
-            others = np.setdiff1d(np.arange(members), out)
-            own = Components.of(without(products, others))
-            fitted = Processes.fit(points[others], own.coefficients, processes)
+        combined = np.zeros((folds.max() + 1, count, members))
+        for fold, components in enumerate(combined):
+            out, learnt = np.flatnonzero(folds == fold), np.flatnonzero(folds != fold)
+            own = Components.of(without(products, learnt))
+            fitted = Processes.fit(points[learnt], own.coefficients, processes)
             means, spreads = fitted.predict(points[out])  # [O, J]
             few = min(count, means.shape[1])
-            combinations = own.combinations[:, :few] - own.combinations[:, :few].mean(0)  # [kept, K]
-            remainders[np.ix_(out, others)] -= 1.0 / len(others) + means[:, :few] @ combinations.T
-            combined[np.ix_(out, np.arange(few), others)] = combinations.T
+            combinations = own.combinations[:, :few] - own.combinations[:, :few].mean(0)  # [L, K]
+            remainders[np.ix_(out, learnt)] -= 1.0 / len(learnt) + means[:, :few] @ combinations.T
+            components[:few, learnt] = combinations.T
             deviations[out, :few] = spreads[:, :few]
-        return cls(remainders, combined, deviations)
+        return cls(remainders, folds, combined, deviations)
 
     def squared(self, products: Array) -> Array:
         """The sum of squared errors of each member, (M,)."""
@@ -75,10 +76,11 @@ class LeftOut:
         squares = (tails @ differences) ** 2  # [M, N]
         others = (squares.sum(0) - squares) / (len(errors) - 1)  # [M, N]
         ratios = np.zeros_like(errors)
-        for member, (combined, spreads) in enumerate(zip(self.components, self.deviations, strict=True)):
-            components = combined @ differences  # [K, N]
-            expected = np.sqrt(spreads**2 @ components**2 + np.maximum(others[member], 0.0))  # [N]
-            ratios[member] = np.divide(errors[member], expected, out=np.zeros_like(expected), where=expected > 0.0)
+        for fold, combinations in enumerate(self.components):
+            out = self.folds == fold
+            components = combinations @ differences  # [K, N]
+            expected = np.sqrt(self.deviations[out] ** 2 @ components**2 + np.maximum(others[out], 0.0))  # [O, N]
+            ratios[out] = np.divide(errors[out], expected, out=np.zeros_like(expected), where=expected > 0.0)
         return float(np.quantile(ratios, SHARE)) / NORMAL
 
 
