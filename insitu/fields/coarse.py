@@ -90,7 +90,7 @@ def axis_weights(samples: int, coarse: int) -> sparse.csc_array:
     from scipy import sparse  # not needed where nothing is rendered
 
     if samples == coarse:
-        return sparse.csc_array(sparse.eye_array(samples))
+        return sparse.csc_array(sparse.identity(samples))
     cell = (samples - 1) / (coarse - 1)
     middles = np.arange(coarse) * cell  # [M] in samples
     halves = np.minimum(cell / 2.0, np.minimum(middles, samples - 1 - middles).clip(0.0))
