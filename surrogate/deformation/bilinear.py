@@ -7,6 +7,8 @@ mode Gaussian i follows.  Changing the parameters costs one small network for th
 (N, L) x (L, C).  The second hidden layer is added to the first (He et al. 2016): with it members between the trained ones are
 predicted better by far.
 
+Carried values may follow an emulated field besides, see `surrogate.deformation.emulated_values`.
+
 With K `frequencies` the network sees sines and cosines of pi, ... 2^(K - 1) pi times each parameter too.
 """
 
@@ -22,7 +24,8 @@ from torch import Tensor
 
 from catalogs.vocabulary.numbers import row
 from catalogs.vocabulary.words import joined_names, one_line
-from surrogate.appearance.field_gaussians import AnyGaussians
+from surrogate.appearance.field_gaussians import AnyGaussians, FieldGaussians
+from surrogate.deformation.emulated_values import EXACT, PER_GAUSSIAN, EmulatedValues
 from surrogate.deformation.kernels import Factors, add_products
 from surrogate.deformation.offsets import UNITS, Deformation, Offsets
 from surrogate.deformation.positional import encode
@@ -54,11 +57,16 @@ class BilinearDeformation:
     biases_middle: Tensor  # [hidden]
     units: Tensor  # [C]
     frequencies: int = 0  # K
+    emulated: EmulatedValues | None = None  # that carried values follow besides
 
     kind: ClassVar[str] = "bilinear"
-    per_gaussian: ClassVar[frozenset[str]] = frozenset({"latents"})
 
     __repr__ = one_line
+
+    @property
+    def per_gaussian(self) -> frozenset[str]:
+        """The names in `tensors` that have one row per Gaussian."""
+        return frozenset(("latents",) if self.emulated is None else ("latents", *PER_GAUSSIAN))
 
     @classmethod
     def create(
@@ -105,6 +113,10 @@ class BilinearDeformation:
         if columns not in COLUMNS:
             raise ValueError(f"units must be a list of {' or '.join(map(str, COLUMNS))} numbers, got {columns}")
         units = torch.tensor(row(record["units"], columns, "units"), dtype=torch.float32)  # [C]
+        emulated = None
+        if record.get("emulated") is not None:
+            emulated = EmulatedValues.load(tensors, record["emulated"])
+            tensors = {name: t for name, t in tensors.items() if name not in (*PER_GAUSSIAN, *EXACT)}
         modes, inputs = _checked_sizes(tensors, columns, int((units != 0.0).sum()))
         frequencies = record.get("frequencies", 0)
         if type(frequencies) is not int or not 0 <= frequencies <= MOST_FREQUENCIES or inputs % (1 + 2 * frequencies):
@@ -112,8 +124,10 @@ class BilinearDeformation:
                 f"frequencies must be a whole number from 0 to {MOST_FREQUENCIES}, K for a network of P (1 + 2 K) inputs, got "
                 f"{frequencies!r} for one of {inputs}"
             )
+        if emulated is not None and (emulated.parameters * (1 + 2 * frequencies), columns) != (inputs, FIELD_COLUMNS):
+            raise ValueError("emulated values need Gaussians that carry values, and the parameters of the network")
         whole = {name: _spread(tensors[name], units != 0.0, modes) for name in ("weights_out", "biases_out")}
-        return cls(**{**tensors, **whole}, units=units, frequencies=frequencies)
+        return cls(**{**tensors, **whole}, units=units, frequencies=frequencies, emulated=emulated)
 
     def embedding(self, parameters: Tensor) -> Tensor:
         """The modes (L, C) at normalized `parameters` (P,)."""
@@ -132,7 +146,10 @@ class BilinearDeformation:
         return hidden + torch.nn.functional.silu(torch.addmv(self.biases_middle, self.weights_middle, hidden))
 
     def offsets(self, gaussians: AnyGaussians, parameters: Tensor) -> Offsets:
-        """Offsets at normalized `parameters` (P,); the Gaussians themselves do not matter to this deformation."""
+        """Offsets at normalized `parameters` (P,); the Gaussians themselves do not matter to this deformation.
+
+        Those of emulated values are left out; see `following`.
+        """
         table = self.latents @ self.embedding(parameters)  # [N, C]
         means, log_scales, quats, opacity_logits, colors = table.split(
             [*GEOMETRY.values(), len(self.units) - 11], dim=1
@@ -144,7 +161,7 @@ class BilinearDeformation:
         used = self.units != 0.0  # [C]
         outputs = {"weights_out": self.weights_out, "biases_out": self.biases_out}
         modes = {name: t.unflatten(0, (self.latent_size, -1))[:, used].flatten(0, 1) for name, t in outputs.items()}
-        return self.tensors() | modes
+        return self.tensors() | modes | ({} if self.emulated is None else self.emulated.stored())
 
     def moves(self, attribute: str) -> bool:
         """True where this attribute follows the parameters."""
@@ -158,13 +175,14 @@ class BilinearDeformation:
         return replace(
             self,
             units=self.units * factors,
+            emulated=None if attribute == "values" else self.emulated,
             weights_out=self.weights_out * every[:, None],
             biases_out=self.biases_out * every,
         )
 
     def of(self, rows: Tensor) -> BilinearDeformation:
         """The latents of some Gaussians, by index (M,), with the same modes."""
-        return replace(self, latents=self.latents[rows])
+        return self.with_tensors({n: t[rows] if n in self.per_gaussian else t for n, t in self.tensors().items()})
 
     def to(self, device: torch.device | torch.dtype) -> BilinearDeformation:
         """The same on another device, or in another precision."""
@@ -177,8 +195,8 @@ class BilinearDeformation:
 
     def with_tensors(self, tensors: Mapping[str, Tensor]) -> BilinearDeformation:
         """The same with others for all of `tensors`."""
-        own: dict[str, Any] = dict(tensors)
-        return replace(self, **own)
+        own: dict[str, Any] = {name: tensors[name] for name in TENSORS}
+        return replace(self, **own, emulated=self.emulated and self.emulated.with_tensors(tensors))
 
     @property
     def parameters(self) -> int:
@@ -231,13 +249,20 @@ class BilinearDeformation:
 
     def deformed(self, gaussians: AnyGaussians, parameters: Tensor) -> AnyGaussians:
         """The Gaussians with their offsets: on a CPU in float32 by the kernel, else as `offsets` defines it."""
+        gaussians = self.following(gaussians, parameters)
         if self.has_kernel:
             return add_products(gaussians, [self.factors(parameters)])
         return self.offsets(gaussians, parameters).applied_to(gaussians)
 
+    def following(self, gaussians: AnyGaussians, parameters: Tensor) -> AnyGaussians:
+        """The Gaussians whose values follow the emulated field, where there is one; without the offsets."""
+        if self.emulated is None or not isinstance(gaussians, FieldGaussians):
+            return gaussians
+        return self.emulated.added_to(gaussians, parameters)
+
     def tensors(self) -> dict[str, Tensor]:
         """Everything that is trained, by name."""
-        return {name: getattr(self, name) for name in TENSORS}
+        return {name: getattr(self, name) for name in TENSORS} | (self.emulated.tensors() if self.emulated else {})
 
     def rates(self, settings: TrainingSettings) -> dict[str, float]:
         """Adam's rate for each of `tensors`: as the settings say up to `USUAL_SIZE` and `USUAL_WIDTH`, then less in proportion.
@@ -248,7 +273,7 @@ class BilinearDeformation:
         """
         fewer, narrower = min(1.0, USUAL_SIZE / self.latent_size), min(1.0, USUAL_WIDTH / len(self.biases_in))
         hidden = settings.embedding_rate * narrower
-        return {
+        return dict.fromkeys(PER_GAUSSIAN if self.emulated else (), 0.0) | {
             "latents": settings.latent_rate * fewer,
             "weights_in": hidden,
             "biases_in": hidden,
@@ -261,7 +286,8 @@ class BilinearDeformation:
     def record(self) -> dict[str, Any]:
         """The kind and the offset units (C,), which are not trained; zero for frozen attributes."""
         frequencies = {"frequencies": self.frequencies} if self.frequencies else {}
-        return {"kind": self.kind, "units": self.units.tolist()} | frequencies
+        emulated = {"emulated": self.emulated.record()} if self.emulated else {}
+        return {"kind": self.kind, "units": self.units.tolist()} | frequencies | emulated
 
     def _columns(self, attribute: str) -> slice:
         names = list(GEOMETRY)
@@ -279,6 +305,8 @@ def compose(gaussians: AnyGaussians, first: At, second: At) -> AnyGaussians:
     bilinear = [d for d, _ in (first, second) if isinstance(d, BilinearDeformation) and d.has_kernel]
     if len(bilinear) == 2:
         places = first[1], second[1]
+        for own, place in zip(bilinear, places, strict=True):
+            gaussians = own.following(gaussians, place)
         return add_products(gaussians, [d.factors(place) for d, place in zip(bilinear, places, strict=True)])
     for deformation, parameters in (first, second):
         gaussians = deformation.deformed(gaussians, parameters)

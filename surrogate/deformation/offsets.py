@@ -60,7 +60,10 @@ class Deformation(Protocol):
     """
 
     kind: ClassVar[str]
-    per_gaussian: ClassVar[frozenset[str]]  # the names in `tensors` that have one row per Gaussian
+
+    @property
+    def per_gaussian(self) -> frozenset[str]:
+        """The names in `tensors` that have one row per Gaussian."""
 
     @classmethod
     def load(cls, tensors: Mapping[str, Tensor], record: Mapping[str, Any]) -> Deformation:

@@ -62,9 +62,13 @@ class ValuesDeformation:
     steps: tuple[float, ...]
 
     kind: ClassVar[str] = "values"
-    per_gaussian: ClassVar[frozenset[str]] = frozenset({"weights"})
 
     __repr__ = one_line
+
+    @property
+    def per_gaussian(self) -> frozenset[str]:
+        """The names in `tensors` that have one row per Gaussian."""
+        return frozenset({"weights"})
 
     @classmethod
     def create(

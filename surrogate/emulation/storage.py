@@ -102,7 +102,7 @@ def parts_of(
             positive(step, "spacing")
     arrays = _arrays(tensors)
     with part("processes"):
-        processes = _processes(tensors, record["groups"], len(arrays["modes"]))
+        processes = processes_of(tensors, record["groups"], len(arrays["modes"]))
         errors = tensors["errors"].double().numpy()
         _check("errors", errors, (len(processes.points),))
     size = int(np.prod(shape))
@@ -147,7 +147,8 @@ def rounded(processes: Processes) -> Processes:
     return Processes(points, coefficients, lengths, noises, processes.groups)
 
 
-def _processes(tensors: Mapping[str, Tensor], groups: Any, count: int) -> Processes:
+def processes_of(tensors: Mapping[str, Tensor], groups: Any, count: int) -> Processes:
+    """The `count` processes that were stored as these tensors and groups; raises ValueError for what is not one."""
     points, coefficients, lengths, noises = (
         tensors[name].double().numpy() for name in ("points", "coefficients", "lengths", "noises")
     )

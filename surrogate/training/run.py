@@ -19,7 +19,7 @@ import torch
 
 from catalogs.files import durable
 from catalogs.store.catalog import Catalog
-from surrogate.model import Surrogate
+from surrogate.model import FieldModel, Surrogate
 from surrogate.provenance import code, commit
 from surrogate.rasterizer import Rasterizer
 from surrogate.settings import TrainingSettings
@@ -110,7 +110,8 @@ def _trained(source: Source, checkpoint: Checkpoint | None, session: TrainingSes
     session.report("loading", 0)
     data = source.data()
     steps = plan(source, data)
-    state = _begun(source, data, checkpoint)
+    field = FieldModel.load(session.directory) if FieldModel.exists(session.directory) else None
+    state = _begun(source, data, checkpoint, field)
     session.before, session.processor_before = state.seconds, state.processor_seconds
     with session.interruption:
         for step in steps[state.done :]:
@@ -142,17 +143,20 @@ def _trained(source: Source, checkpoint: Checkpoint | None, session: TrainingSes
     )
 
 
-def _begun(source: Source, data: TrainingData, checkpoint: Checkpoint | None) -> TrainingState:
+def _begun(
+    source: Source, data: TrainingData, checkpoint: Checkpoint | None, field: FieldModel | None
+) -> TrainingState:
     """The state that training goes on from."""
     device = chosen_device(source.settings.device)
     require_own_gpu(source.ranks, device)
     if checkpoint is not None:
         return TrainingState.load(checkpoint).to(device)
-    gaussians = source.initial_gaussians(data)
-    first = FittedGaussians(gaussians, new_deformation(gaussians, len(source.catalog.plan.space), source.settings)).to(
-        device
-    )
-    return TrainingState(first)
+    start = None if field is None else source.start_from_field(field)
+    gaussians = source.initial_gaussians(data) if start is None else start.gaussians
+    deformation = new_deformation(gaussians, len(source.catalog.plan.space), source.settings)
+    if start is not None:
+        deformation = replace(deformation, emulated=start.emulated)
+    return TrainingState(FittedGaussians(gaussians, deformation).to(device))
 
 
 def _same(state: TrainingState, session: TrainingSession) -> TrainingState:

@@ -18,8 +18,10 @@ from surrogate.appearance.field_gaussians import AnyGaussians, FieldValues
 from surrogate.appearance.scale import ValueScale
 from surrogate.gaussians import Gaussians, Normalization
 from surrogate.initialization.field_points import field_points
+from surrogate.initialization.from_field import StartFromField, start_from_field
 from surrogate.initialization.pictures import StartPoints
 from surrogate.initialization.start import initial_gaussians, initial_points, surface_points, with_random_normals
+from surrogate.model.field_model import FieldModel
 from surrogate.settings import TrainingSettings
 from surrogate.training.data import (
     Example,
@@ -160,6 +162,13 @@ class Source:
         color = foreground_color(some, data.background)  # [3]
         field = self.field if settings is None else None
         return initial_gaussians(settings or self.settings, box, points, color, field)
+
+    def start_from_field(self, model: FieldModel) -> StartFromField | None:
+        """The start from the emulated field; None where Gaussians carry colours, start elsewhere, or holes move."""
+        emulator = model.emulators.get(field_of(self.target))
+        if self.field is None or self.settings.initialization != "auto" or emulator is None:
+            return None
+        return None if emulator.outline else start_from_field(self.settings, emulator, self.field, self.normalization)
 
     def opaque_pixels(self, variation: Variation) -> NDArray[np.float64]:
         """Some of those that pictures of a variation show, (M, 3) in [0, 1]."""

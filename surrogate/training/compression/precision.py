@@ -9,6 +9,7 @@ from typing import TypeVar
 import torch
 from torch import Tensor
 
+from surrogate.deformation.emulated_values import EXACT
 from surrogate.deformation.visualization import Visualization
 from surrogate.storage.encoding import FORMATS, Encoding, encode
 from surrogate.training.compression.choice import Choice, Option
@@ -66,7 +67,8 @@ def _in_fewest_bits(
     tolerance: float,
 ) -> tuple[Model, dict[str, Encoding], Choice]:
     current, chosen, options = dict(tensors), dict[str, Encoding](), [Option("all in float32", before)]
-    largest_first = sorted(tensors, key=lambda name: (-tensors[name].numel(), name))
+    rounded = [name for name in tensors if name.rpartition(".")[2] not in EXACT]
+    largest_first = sorted(rounded, key=lambda name: (-tensors[name].numel(), name))
     for tensor in largest_first:
         for encoding in _encodings(tensors[tensor]):
             trial = current | {tensor: encoding.decoded()}
