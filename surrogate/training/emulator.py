@@ -20,8 +20,9 @@ from surrogate.evaluation.predictor import SurrogatePredictor
 from surrogate.evaluation.scoring import mean, score_cases, spread
 from surrogate.model import Surrogate
 from surrogate.model.field_model import FieldModel
-from surrogate.model.representation import BOTH, FIELD, GAUSSIANS, VIEW, RepresentationScores
+from surrogate.model.representation import BOTH, FIELD, FUNCTION, GAUSSIANS, VIEW, RepresentationScores
 from surrogate.provenance import code, commit
+from surrogate.training.other_functions import scores_under_other_functions
 from surrogate.training.source import Source
 
 MOST_SCORED = 48  # validation images of each kind
@@ -104,6 +105,8 @@ def compared(surrogate: Surrogate, catalog: Catalog) -> RepresentationScores:
             [scores] = score_cases(predictor, catalog, cases)
             if (score := mean(scores.values(), "psnr")) is not None:
                 psnr.setdefault(kind, {})[name] = score
+    if FUNCTION not in psnr and (under := scores_under_other_functions(surrogate, catalog)):
+        psnr[FUNCTION] = under
     return RepresentationScores(psnr, sizes(surrogate), speeds(surrogate, catalog.members))
 
 

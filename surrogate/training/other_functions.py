@@ -1,0 +1,68 @@
+"""Scores under transfer functions that no image shows: their truth is drawn from the coarse fields of validation members."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from catalogs.store.catalog import Catalog, Member
+from catalogs.vocabulary.appearance import TransferFunction, VolumeRendering, field_of
+from surrogate.evaluation.cases import VALIDATION
+from surrogate.evaluation.metrics import WHITE, composite, psnr
+from surrogate.evaluation.scoring import spread
+from surrogate.model import Surrogate
+from surrogate.ray_casting import SampledField, VolumeCaster
+
+MOST_MEMBERS, MOST_VIEWS = 4, 4
+OPAQUE, NARROW = 0.6, 0.05  # the highest opacity, and the half width of a peak as a share of the values
+
+
+def other_functions(base: TransferFunction, values: NDArray[np.floating]) -> list[TransferFunction]:
+    """Opacity functions with the colours of `base`: rising, falling, and a narrow peak at the median of the field's values."""
+    low, high = base.bounds
+    half = NARROW * (high - low)
+    middle = float(np.clip(np.median(values), low + 1.5 * half, high - 1.5 * half))
+    shapes: list[tuple[tuple[float, float], ...]] = [
+        ((low, 0.0), (high, OPAQUE)),
+        ((low, OPAQUE), (high, 0.0)),
+        ((low, 0.0), (middle - half, 0.0), (middle, OPAQUE), (middle + half, 0.0), (high, 0.0)),
+    ]
+    return [TransferFunction(base.color_points, points, base.opacity_unit_distance) for points in shapes]
+
+
+def scores_under_other_functions(surrogate: Surrogate, catalog: Catalog) -> dict[str, float]:
+    """Mean PSNR (dB) of each representation that can be drawn under any function, on images of validation members.
+
+    Nothing where no validation member keeps the field that the base appearance shows, or the base is no unshaded volume rendering.
+    """
+    base = None if surrogate.field is None else surrogate.field.appearances[0]
+    if not isinstance(base, VolumeRendering) or base.shaded:
+        return {}
+    unseen = [m for m in catalog.members if m.split == VALIDATION and m.coarse_field(field_of(base)) is not None]
+    some = [unseen[i] for i in spread(len(unseen), MOST_MEMBERS)]
+    scores: dict[str, list[float]] = {}
+    for member in some:
+        for name in surrogate.representations:
+            try:
+                of_member = _scores_of(surrogate.using(name), member, base)
+            except ValueError:  # colours, which know no functions
+                continue
+            scores.setdefault(name, []).extend(of_member)
+    return {name: float(np.mean(of)) for name, of in scores.items()}
+
+
+def _scores_of(surrogate: Surrogate, member: Member, base: VolumeRendering) -> Sequence[float]:
+    coarse = member.coarse_field(field_of(base))
+    assert coarse is not None
+    samples = SampledField(coarse.values, coarse.holes, coarse.spacing, coarse.origin)
+    views = [member.cameras[i] for i in spread(len(member.cameras), MOST_VIEWS)]
+    scores = []
+    for function in other_functions(base.transfer_function, coarse.values[np.isfinite(coarse.values)]):
+        truth = VolumeCaster.of(samples, VolumeRendering(base.name, function))
+        prediction = surrogate.under(function, member.parameters, outside="allow")
+        for view in views:
+            pictures = truth.draw(view), prediction.render(view)
+            scores.append(psnr(*(composite(picture, WHITE) for picture in pictures)))
+    return scores

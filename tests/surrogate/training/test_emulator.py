@@ -1,0 +1,101 @@
+"""Training begins with the emulator of the coarse fields, compares it with the Gaussians, and says which draws better."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from catalogs.store.catalog import Catalog
+from catalogs.vocabulary.appearance import ImportedImages, TransferFunction
+from surrogate.cli import main
+from surrogate.model import FieldModel, Surrogate
+from surrogate.model.representation import BOTH, FIELD, GAUSSIANS
+from surrogate.settings import TrainingSettings
+from surrogate.training.emulator import lacking
+from surrogate.training.other_functions import other_functions
+from surrogate.training.run import train
+from surrogate.training.source import Source
+from tests.support.field_catalogs import rendered
+
+SETTINGS = TrainingSettings(gaussians=60, canonical_steps=4, deformation_steps=8, visualization_steps=6)
+WORDS = [f"{key}={value}" for key, value in SETTINGS.to_json().items() if key.endswith("steps") or key == "gaussians"]
+
+
+@pytest.fixture(scope="module")
+def catalog(tmp_path_factory: pytest.TempPathFactory) -> Catalog:
+    return rendered(tmp_path_factory.mktemp("catalog") / "a.cdb", surface=False)
+
+
+def test_the_command_stops_after_the_field_and_goes_on(catalog: Catalog, tmp_path: Path) -> None:
+    arguments = ["train", str(catalog.path), "-o", str(tmp_path / "run"), *WORDS]
+    first = CliRunner().invoke(main, [*arguments, "--model", "field"])
+    assert first.exit_code == 0, first.output
+    assert "drawn from its emulated field: " in first.output
+    folder = tmp_path / "run" / "surrogate"
+    assert Surrogate.load(folder).representations == (FIELD,)
+    again = CliRunner().invoke(main, [*arguments, "--model", "field"])
+    assert "nothing to do" in again.output
+    whole = CliRunner().invoke(main, arguments)
+    assert whole.exit_code == 0, whole.output
+    assert "drawn best from its emulated field: " in whole.output
+    assert "as the mean of both: " in whole.output
+    surrogate = Surrogate.load(folder)
+    assert surrogate.representations == (GAUSSIANS, FIELD, BOTH)
+    scores = json.loads((folder / "representations.json").read_text())
+    assert set(scores["psnr"]["view"]) == {GAUSSIANS, FIELD, BOTH}
+    assert set(scores["psnr"]["transfer_function"]) == {GAUSSIANS, FIELD, BOTH}
+    shown = CliRunner().invoke(main, ["show", str(tmp_path / "run")])
+    assert "drawn best from its emulated field: " in shown.output
+
+
+def test_gaussians_start_from_the_field(catalog: Catalog, tmp_path: Path) -> None:
+    surrogate = train(replace(SETTINGS, fit_to_need=False), catalog, tmp_path)
+    assert surrogate.deformation.emulated is not None
+    loaded = Surrogate.load(tmp_path)
+    assert loaded.deformation.emulated is not None
+    camera = catalog.plan.cameras[0]
+    pictures = [s.using(GAUSSIANS).at(p=0.4).render(camera) for s in (surrogate, loaded)]
+    np.testing.assert_array_equal(*pictures)
+    elsewhere = train(replace(SETTINGS, initialization="random"), catalog, tmp_path / "random")
+    assert elsewhere.deformation.emulated is None
+
+
+def test_catalogs_without_fields_are_trained_as_ever(tmp_path: Path) -> None:
+    bare = rendered(tmp_path / "bare.cdb", coarse_field=False, surface=False)
+    assert "none of 5 members to learn from keep a coarse field: `insitu dataset`" in lacking(Source(SETTINGS, bare))
+    surrogate = train(SETTINGS, bare, tmp_path / "run")
+    assert surrogate.field is None
+    assert not FieldModel.exists(tmp_path / "run")
+    with pytest.raises(ValueError, match=r"bare.cdb: none of 5 members"):
+        train(SETTINGS, bare, tmp_path / "other", only_field=True)
+    with pytest.raises(ValueError, match="this surrogate knows no field values"):
+        surrogate.at(p=0.5).sample([[0.0, 0.0, 0.0]])
+
+
+def test_pictures_of_another_program_have_no_field() -> None:
+    source = SimpleNamespace(target=ImportedImages("pictures"), appearance="pictures")
+    assert lacking(source) == "pictures shows pictures of another program, of which no field is known"  # type: ignore[arg-type]
+
+
+def test_the_emulator_of_another_run_is_not_mixed_in(catalog: Catalog, tmp_path: Path) -> None:
+    train(SETTINGS, catalog, tmp_path, only_field=True)
+    with pytest.raises(ValueError, match="holds the emulator of another run"):
+        train(replace(SETTINGS, seed=1), catalog, tmp_path)
+
+
+def test_other_functions_cover_the_values() -> None:
+    base = TransferFunction(((-2.0, 0.0, 0.0, 0.0), (6.0, 1.0, 1.0, 1.0)), ((-2.0, 0.5), (6.0, 0.5)), 0.7)
+    for values in (np.full(5, 3.0), np.array([-50.0, -50.0, 1.0]), np.array([90.0])):
+        rising, falling, peak = other_functions(base, values)
+        assert rising.opacities([-2.0, 2.0, 6.0]).tolist() == pytest.approx([0.0, 0.3, 0.6])
+        assert falling.opacities([-2.0, 6.0]).tolist() == pytest.approx([0.6, 0.0])
+        places = np.linspace(-2.0, 6.0, 801)
+        assert peak.opacities(places).max() == pytest.approx(0.6, abs=0.02)
+        assert float((peak.opacities(places) > 0.0).mean()) == pytest.approx(0.1, abs=0.01)
+        assert all(f.opacity_unit_distance == 0.7 for f in (rising, falling, peak))
