@@ -59,7 +59,8 @@ class MeanMember:
         return [*self.gaussians.contents, *self.emulated.contents]
 
     def __repr__(self) -> str:
-        return f"<MeanMember at {named(self.parameters) or 'no parameters'}: {self.gaussians!r} and {self.emulated!r}>"
+        at, count = named(self.parameters), len(self.gaussians)
+        return f"<MeanMember at {at or 'no parameters'}: {count:,} Gaussians and the emulated field>"
 
     def _repr_html_(self) -> str:
         """The same for notebooks, with a picture."""

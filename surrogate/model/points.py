@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from catalogs.vocabulary.words import one_line
 from surrogate.model.field_model import FieldPoint
 from surrogate.model.places import ParameterPoint
 
@@ -14,6 +15,8 @@ class BothPoints:
 
     gaussians: ParameterPoint
     field: FieldPoint
+
+    __repr__ = one_line
 
     @property
     def warnings(self) -> tuple[str, ...]:

@@ -14,13 +14,20 @@ import pytest
 import surrogate
 from catalogs.vocabulary.cameras import Camera
 from catalogs.vocabulary.words import WIDTH
+from surrogate.appearance.field_gaussians import FieldValues
+from surrogate.appearance.scale import ValueScale
 from surrogate.deformation import Offsets
 from surrogate.deformation.transfer import Transfer
 from surrogate.initialization.field_points import FieldPoints
+from surrogate.initialization.from_field import start_from_field
 from surrogate.initialization.pictures import Picture, StartPoints
 from surrogate.initialization.structure_from_motion import Track
-from surrogate.model.places import place_of
+from surrogate.model import MeanMember
+from surrogate.model.places import VariedPoint, place_of
+from surrogate.model.points import BothPoints
+from surrogate.model.representation import RepresentationScores
 from surrogate.rasterizer import primitives
+from surrogate.settings import TrainingSettings
 from surrogate.splatting import Constants, draw, reference
 from surrogate.splatting.kernel_function import KernelFunction
 from surrogate.storage.checkpoints import Checkpoint
@@ -28,6 +35,8 @@ from surrogate.storage.encoding import encode
 from surrogate.storage.models import StoredModel
 from surrogate.storage.records import Provenance, Record
 from surrogate.storage.runs import RunFolder, RunRecord
+from tests.support.emulated import some_field_model
+from tests.support.hooked import FUNCTION
 from tests.support.surrogates import CENTER, some_surrogate
 from tests.support.visualizations import base, of_functions
 
@@ -44,6 +53,12 @@ POINTS = FieldPoints(
     np.zeros(7, np.int64),
     np.ones(7, bool),
 )
+EMULATED = some_field_model()
+EMULATOR = EMULATED.emulators[""]
+FIELD_POINT = EMULATED.point({"p": 0.5}, "allow")
+VALUES = FieldValues(FUNCTION, ValueScale.of_function(FUNCTION))
+START = start_from_field(TrainingSettings(gaussians=5), EMULATOR, VALUES, EMULATED.normalization)
+BOTH_POINTS = BothPoints(place_of(MODEL.space, (), {"Re": 1830.0, "time": 1.0}, "allow"), FIELD_POINT)
 SHOWN: list[tuple[Any, str]] = [
     (MODEL, "<Surrogate of Re 1500..2500"),
     (MODEL.at(Re=1830.0, time=1.0), "<DeformedGaussians at Re=1830"),
@@ -75,6 +90,15 @@ SHOWN: list[tuple[Any, str]] = [
     (RunRecord("a.cdb", {}), "RunRecord(catalog='a.cdb'"),
     (RunFolder(Path("runs") / "a"), "RunFolder(folder="),
     (Provenance(), "Provenance(commit='unknown'"),
+    (EMULATED, "FieldModel(emulators="),
+    (EMULATED.member(FIELD_POINT), "<EmulatedMember at p=0.5: 8 x 8 x 8 samples>"),
+    (FIELD_POINT, "FieldPoint(parameters={1 entries}"),
+    (BOTH_POINTS, "BothPoints(gaussians="),
+    (MeanMember(MODEL.at(Re=1830.0, time=1.0), EMULATED.member(FIELD_POINT)), "<MeanMember at p=0.5"),  # type: ignore[arg-type]
+    (RepresentationScores({"view": {"field": 40.0}}), "RepresentationScores(psnr="),
+    (START, "StartFromField(gaussians="),
+    (START.emulated, "EmulatedValues(means[5], modes[5, "),
+    (VariedPoint(0, {}, None, ()), "VariedPoint(number=0"),
 ]
 
 
