@@ -2,9 +2,9 @@
 
     u_i(p) = s(m_i + sum_k c_k(p) B_ik) - s(m_i)
 
-is added to the value that Gaussian i carries, where m_i and B_ik are the emulator's mean and modes at the Gaussian's place when
-training began, c_k(p) the means of its Gaussian processes, and s the scale of carried values.  What no member showed is then
-predicted as well as the emulator does, and offsets express what is finer, moves, or is wrong with it.
+is added to the value that Gaussian i carries.  m_i and B_ik are the emulator's mean and modes at the Gaussian's place when
+training began.  c_k(p) are the means of its Gaussian processes, and s is the scale of carried values.  So parameters that no
+member has are predicted as the emulator does, and offsets express what is finer, moves, or is wrong with it.
 """
 
 from __future__ import annotations

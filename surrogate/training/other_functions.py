@@ -35,7 +35,7 @@ def other_functions(base: TransferFunction, values: NDArray[np.floating]) -> lis
 def scores_under_other_functions(surrogate: Surrogate, catalog: Catalog) -> dict[str, float]:
     """Mean PSNR (dB) of each representation that can be drawn under any function, on images of validation members.
 
-    Nothing where no validation member keeps the field that the base appearance shows, or the base is no unshaded volume rendering.
+    Nothing where no validation member keeps the field that the base appearance shows, or the base is shaded or an isosurface.
     """
     base = None if surrogate.field is None else surrogate.field.appearances[0]
     if not isinstance(base, VolumeRendering) or base.shaded:
