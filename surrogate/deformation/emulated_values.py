@@ -1,10 +1,12 @@
 """Values of an emulated field in Gaussians: they follow the parameters as the emulator does, and training learns what is left.
 
-    u_i(p) = s(m_i + sum_k c_k(p) B_ik) - s(m_i)
+The value that Gaussian i carries changes with the parameters p by
 
-is added to the value that Gaussian i carries.  m_i and B_ik are the emulator's mean and modes at the Gaussian's place when
-training began.  c_k(p) are the means of its Gaussian processes, and s is the scale of carried values.  So parameters that no
-member has are predicted as the emulator does, and offsets express what is finer, moves, or is wrong with it.
+    s(m_i + sum_k c_k(p) B_ik) - s(m_i)
+
+besides its offset.  Here m_i and B_ik are the emulator's mean and modes at the Gaussian's place when training began.  The means
+of the emulator's Gaussian processes are c_k(p), and s is the scale of carried values.  So parameters that no member has are
+predicted as the emulator does, and offsets express what is finer, moves, or is wrong with it.
 """
 
 from __future__ import annotations
