@@ -2,11 +2,13 @@
 
 The value that Gaussian i carries changes with the parameters p by
 
-    s(m_i + sum_k c_k(p) B_ik) - s(m_i)
+    a (s(m_i + sum_k c_k(p) B_ik) - s(m_i))
 
 besides its offset.  Here m_i and B_ik are the emulator's mean and modes at the Gaussian's place when training began.  The means
-of the emulator's Gaussian processes are c_k(p), and s is the scale of carried values.  So parameters that no member has are
-predicted as the emulator does, and offsets express what is finer, moves, or is wrong with it.
+of the emulator's Gaussian processes are c_k(p), and s is the scale of carried values.
+
+The share a is a half: offsets learn the other half, and all that is finer, moves, or is wrong with the emulator.  So between
+members the values are the mean of two predictions whose errors differ (docs/emulation.md has what that is worth).
 """
 
 from __future__ import annotations
@@ -19,6 +21,7 @@ from typing import Any
 import torch
 from torch import Tensor
 
+from catalogs.vocabulary.numbers import fraction
 from catalogs.vocabulary.words import one_line
 from surrogate.appearance.field_gaussians import FieldGaussians
 from surrogate.appearance.scale import ValueScale
@@ -28,6 +31,7 @@ from surrogate.emulation.storage import processes_of
 PER_GAUSSIAN = ("emulated_means", "emulated_modes")
 # Of the processes; they are stored in float32 whatever else is rounded, for predictions between members are ill-conditioned.
 EXACT = ("emulated_points", "emulated_coefficients", "emulated_lengths", "emulated_noises")
+SHARE = 0.5
 BEYOND = 0.2  # of the scale, by which emulated values may lie outside its ends
 TINY = 1e-24  # squared distance, below which a derivative by the parameters is zero
 
@@ -41,12 +45,14 @@ class EmulatedValues:
     means, modes : (N,) and (N, K), in the field's unit, or on the scale of carried values where `scale` is None.
     processes : through the coefficients of the K modes.
     scale : of carried values.
+    share : of the emulator's prediction, a.
     """
 
     means: Tensor  # [N]
     modes: Tensor  # [N, K]
     processes: Processes
     scale: ValueScale | None = None
+    share: float = SHARE
 
     __repr__ = one_line
 
@@ -61,7 +67,7 @@ class EmulatedValues:
         """The changes of the values (N,) on their scale, from the mean of the members, at normalized parameters (P,)."""
         coefficients = self.coefficients(parameters).to(self.means)  # [K]
         means, modes = self.means.detach(), self.modes.detach()
-        return self._carried(torch.addmv(means, modes, coefficients)) - self._carried(means)
+        return self.share * (self._carried(torch.addmv(means, modes, coefficients)) - self._carried(means))
 
     @property
     def carried_means(self) -> Tensor:
@@ -116,6 +122,7 @@ class EmulatedValues:
         """JSON values that `load` needs beside the tensors."""
         return {
             "groups": self.processes.groups.tolist(),
+            "share": self.share,
             "knots": None if self.scale is None else self.scale.to_json(),
         }
 
@@ -130,7 +137,7 @@ class EmulatedValues:
         named = {name.removeprefix("emulated_"): tensors[name] for name in EXACT}
         processes = processes_of(named, record["groups"], modes.shape[1])
         scale = None if record["knots"] is None else ValueScale.from_json(record["knots"])
-        return cls(means, modes, processes, scale)
+        return cls(means, modes, processes, scale, fraction(record["share"], "share"))
 
     @property
     def parameters(self) -> int:

@@ -12,7 +12,7 @@ from catalogs.vocabulary.appearance import TransferFunction
 from surrogate.appearance.field_gaussians import FieldGaussians, FieldValues
 from surrogate.appearance.scale import ValueScale
 from surrogate.deformation import BilinearDeformation, compose, load_deformation
-from surrogate.deformation.emulated_values import BEYOND, EmulatedValues
+from surrogate.deformation.emulated_values import BEYOND, SHARE, EmulatedValues
 from surrogate.emulation.processes import Processes
 from surrogate.settings import TrainingSettings
 from surrogate.training.relocation import Relocation, relocate
@@ -73,7 +73,7 @@ def test_values_follow_the_field_on_their_scale(scale: ValueScale | None) -> Non
     def carried(field: np.ndarray) -> np.ndarray:
         return np.clip(field if scale is None else scale.places(field), -BEYOND, 1.0 + BEYOND)
 
-    expected = carried(means + modes @ coefficients[0]) - carried(means)
+    expected = SHARE * (carried(means + modes @ coefficients[0]) - carried(means))
     np.testing.assert_allclose(values.shifts(PARAMETERS).numpy(), expected, atol=2e-6)
     shifted = values.added_to(gaussians(), PARAMETERS).values
     np.testing.assert_allclose((shifted - gaussians().values)[:, 0].numpy(), expected, atol=2e-6)
@@ -147,6 +147,7 @@ DAMAGES = {
     "other modes": ({"emulated_modes": torch.zeros(COUNT, 5)}, {}, "5 groups"),
     "long lengths": ({"emulated_lengths": torch.full((2, 2), 1e6)}, {}, "lengths must lie in"),
     "other groups": ({}, {"groups": [0, 0, 1, 7]}, "groups must be whole numbers below 2"),
+    "too large a share": ({}, {"share": 1.5}, "share must lie in"),
     "no increasing knots": ({}, {"knots": [1.0, 0.0]}, "at least two increasing numbers"),
     "one parameter": (
         {"emulated_points": torch.zeros(MEMBERS, 1), "emulated_lengths": torch.ones(2, 1)},
