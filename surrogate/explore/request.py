@@ -74,8 +74,12 @@ def setting_of(record: Any, surrogate: Surrogate, origins: Mapping[str, float] |
     is_known = isinstance(color_map, str) and color_map in ("", *COLOR_MAPS)
     _require(is_known, f"color_map must be one of {', '.join(COLOR_MAPS)} or empty", color_map)
     visualization = _visualization(_mapping(fields.get("visualization", {}), "visualization"), surrogate, origins or {})
+    using, offered = fields.get("using", ""), ("", *surrogate.representations)
+    _require(
+        isinstance(using, str) and using in offered, f"using must be one of {', '.join(offered[1:])} or empty", using
+    )
     setting = Setting(
-        {p.name: within(parameters[p.name], p) for p in surrogate.space.parameters}, visualization, color_map
+        {p.name: within(parameters[p.name], p) for p in surrogate.space.parameters}, visualization, color_map, using
     )
     follows_functions = set(visualization) <= set(POINT_PARAMETERS)
     if color_map and not follows_functions:

@@ -12,6 +12,7 @@ from surrogate.appearance.field_gaussians import FieldGaussians
 from surrogate.deformation.values import ValuesDeformation
 from surrogate.explore.color_maps import color_points
 from surrogate.model import MemberModel, Surrogate
+from surrogate.model.representation import FUNCTION, WORDS
 
 
 @dataclass(frozen=True)
@@ -24,14 +25,16 @@ class Setting:
     visualization : those of one variation as `Surrogate.at` takes them: an `isovalue`, an `appearance`, or displacements of the
         base transfer function's inner control points; empty for the base appearance.
     color_map : one of `surrogate.explore.color_maps.NAMES` instead of the base's colours; "" for those.
+    using : the one of `Surrogate.representations` that draws it; "" for what did best on validation images.
     """
 
     parameters: Mapping[str, float]
     visualization: Mapping[str, float | str] = field(default_factory=dict)
     color_map: str = ""
+    using: str = ""
 
     def __hash__(self) -> int:
-        return hash((frozenset(self.values.items()), self.color_map))
+        return hash((frozenset(self.values.items()), self.color_map, self.using))
 
     @property
     def values(self) -> dict[str, float | str]:
@@ -43,16 +46,28 @@ class Setting:
 
     def described(self, origins: Mapping[str, float] | None = None) -> str:
         """In words, control points by their places where their `origins` are given, see `origins_of`."""
-        return listed(self.values, origins) + (f", {self.color_map}" if self.color_map else "")
+        return self.shown_as(listed(self.values, origins))
+
+    def shown_as(self, words: str) -> str:
+        """The same of other words on its values."""
+        return ", ".join(filter(None, [words, self.color_map, self.using and f"by the {WORDS[self.using]}"]))
 
     def member(self, surrogate: Surrogate) -> MemberModel:
         """The surrogate at this setting; raises ValueError as `Surrogate.at` and `Surrogate.under` do.
 
         Values out of bounds are shown without a warning: the page says so itself.
         """
+        if self.using:
+            surrogate = surrogate.using(self.using)
         if not self.color_map:
             return surrogate.at(self.values, outside="allow")
         return surrogate.under(self.transfer_function(surrogate), self.parameters, outside="allow")
+
+    def drawn_by(self, surrogate: Surrogate) -> str:
+        """The one of `surrogate.representations` that draws it."""
+        if self.using:
+            return self.using
+        return surrogate.representation(FUNCTION) if self.color_map else surrogate.drawn_by(self.visualization)
 
     def transfer_function(self, surrogate: Surrogate) -> TransferFunction:
         """The one that is shown; raises ValueError where the surrogate follows none, or where control points cross."""

@@ -6,7 +6,7 @@ import dataclasses
 import hashlib
 import os
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
@@ -33,7 +33,7 @@ from surrogate.model.form import fields_of, stored_form, without_gaussians
 from surrogate.model.mean_member import MeanMember, MemberModel
 from surrogate.model.places import ParameterPoint, place_of, transfer_place
 from surrogate.model.points import AnyPoint, BothPoints
-from surrogate.model.representation import BOTH, FIELD, FUNCTION, GAUSSIANS, KINDS, VIEW, RepresentationScores
+from surrogate.model.representation import BOTH, FIELD, FUNCTION, GAUSSIANS, KINDS, VIEW, WORDS, RepresentationScores
 from surrogate.notebook import surrogate_html
 from surrogate.rasterizer import Rasterizer
 from surrogate.splatting import AUTO
@@ -104,6 +104,11 @@ class Surrogate:
         """The one of `representations` that draws pictures of a kind of question."""
         chosen = self.only or self.scores.better(kind)
         return chosen if chosen in self.representations else self.representations[0]
+
+    def drawn_by(self, parameters: Iterable[str]) -> str:
+        """The one of `representations` that draws pictures where parameters of these names are given to `at`."""
+        kinds = (v.kind for v in self.variations if not set(v.argument_names).isdisjoint(parameters))
+        return self.representation(next(kinds, VIEW))
 
     def at(
         self, values: Mapping[str, Any] | None = None, /, *, outside: Any = "warn", **parameters: float | str
@@ -182,15 +187,22 @@ class Surrogate:
     def differentiable(
         self, device: str | torch.device = "cpu", *, dtype: torch.dtype = torch.float32
     ) -> DifferentiableSurrogate:
-        """The same as a torch module, whose pictures have gradients by parameters, the camera's pose and all that was trained.
+        """Its Gaussians as a torch module, whose pictures have gradients by parameters, the camera's pose and all that was trained.
+
+        They are those of `using("gaussians")`, whatever draws the pictures of this surrogate best.
 
         Parameters
         ----------
         device : "cpu", whose gradients are those of the C++ kernels, or "cuda", of gsplat.
         dtype : float32, or float64, which plain torch draws: slow, and the definition.
 
-        Raises as `to`, and ValueError for other types.  The numbers are copies: this surrogate never changes.
+        Raises as `to`, and ValueError for other types, without Gaussians, and where `using` names what has no gradients.  The
+        numbers are copies: this surrogate never changes.
         """
+        if not len(self.gaussians) or self.only not in ("", GAUSSIANS):
+            drawn_by = WORDS[self.only or self.representations[0]]
+            remedy = 'take those of `using("gaussians")`' if len(self.gaussians) else "train Gaussians as well"
+            raise ValueError(f"pictures by the {drawn_by} have no gradients, only those by Gaussians: {remedy}")
         if dtype not in (torch.float32, torch.float64):
             raise ValueError(f"dtype must be torch.float32 or torch.float64, got {dtype}")
         moved, rasterizer = self.to(device), self.rasterizer.for_any_device()
@@ -222,15 +234,8 @@ class Surrogate:
         """The visualization parameters that `at` takes."""
         return tuple(name for variation in self.variations for name in variation.argument_names)
 
-    def _kind(self, parameters: Mapping[str, Any], function: TransferFunction | None) -> str:
-        """The kind of a question: `VIEW`, or that of the variation that is asked for."""
-        if function is not None:
-            return FUNCTION
-        kinds = [v.kind for v in self.variations if any(name in parameters for name in v.argument_names)]
-        return kinds[0] if kinds else VIEW
-
     def _place(self, parameters: Mapping[str, Any], outside: Any, function: TransferFunction | None = None) -> AnyPoint:
-        drawn_by = self.representation(self._kind(parameters, function))
+        drawn_by = self.drawn_by(parameters) if function is None else self.representation(FUNCTION)
         if self.field is None or drawn_by == GAUSSIANS:
             return self._gaussian_place(parameters, outside, function)
         point = self.field.point(parameters, outside, function)
@@ -284,8 +289,15 @@ class Surrogate:
 
     @property
     def megabytes(self) -> float:
-        """Size of the model's tensors as they are stored, 10^6 bytes."""
-        return self._stored_form().megabytes
+        """Size of all tensors as they are stored, 10^6 bytes."""
+        return self.sizes[self.representations[-1]]
+
+    @property
+    def sizes(self) -> dict[str, float]:
+        """That of each of `representations`, 10^6 bytes."""
+        each = {GAUSSIANS: self._stored_form().megabytes, FIELD: 0.0 if self.field is None else self.field.megabytes}
+        each[BOTH] = sum(each.values())
+        return {name: each[name] for name in self.representations}
 
     @property
     def digest(self) -> str:

@@ -107,7 +107,7 @@ def compared(surrogate: Surrogate, catalog: Catalog) -> RepresentationScores:
                 psnr.setdefault(kind, {})[name] = score
     if FUNCTION not in psnr and (under := scores_under_other_functions(surrogate, catalog)):
         psnr[FUNCTION] = under
-    return RepresentationScores(psnr, sizes(surrogate), speeds(surrogate, catalog.members))
+    return RepresentationScores(psnr, surrogate.sizes, speeds(surrogate, catalog.members))
 
 
 def with_emulator(source: Source, directory: Path, fingerprint: str, *, required: bool = False) -> None:
@@ -140,13 +140,6 @@ def _of_validation_members(cases: Sequence[Case]) -> list[Case]:
 
 def _at(surrogate: Surrogate) -> Any:
     return partial(surrogate.at, outside="allow")
-
-
-def sizes(surrogate: Surrogate) -> dict[str, float]:
-    """Megabytes of each representation as it is stored."""
-    each = {GAUSSIANS: surrogate.megabytes, FIELD: 0.0 if surrogate.field is None else surrogate.field.megabytes}
-    each[BOTH] = sum(each.values())
-    return {name: each[name] for name in surrogate.representations}
 
 
 def speeds(surrogate: Surrogate, members: Sequence[Member]) -> dict[str, float]:

@@ -77,11 +77,11 @@ def chosen_by(run: str, expectation: Expectation, surrogate: Surrogate) -> list[
     """Rows of the first table: mean absolute difference of left-out measurements for each number of neighbours."""
     families = {nearest: families_of(expectation.measured, surrogate, nearest) for nearest in TRIED}
     rows = []
-    for family, measured in families[NEAREST].items():
+    for key, measured in families[NEAREST].items():
         count = f"{measured.unseen.sum()} + {(~measured.unseen).sum()}"
-        name = "isosurfaces" if family == ISOSURFACES else "volume"
+        name = "isosurfaces" if key[0] == ISOSURFACES else "volume"
         gap = "" if measured.gap is None else f"{measured.gap:.2f}"
-        rows.append([run, name, count, gap, *(_left_out(families[nearest][family]) for nearest in TRIED)])
+        rows.append([run, name, count, gap, *(_left_out(families[nearest][key]) for nearest in TRIED)])
     return rows
 
 

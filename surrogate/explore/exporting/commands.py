@@ -24,6 +24,12 @@ PARAMETERS = click.option(
 COLOR_MAP = click.option(
     "--color-map", default="", metavar="NAME", help="Such as viridis, instead of the base's colours."
 )
+USING = click.option(
+    "--using",
+    default="",
+    metavar="NAME",
+    help="Draw by the gaussians, the field or both.  [default: what did best on validation images]",
+)
 VIEW = click.option("--view", default=0, show_default=True, help="Number of a viewpoint of the catalog.")
 SIZE = click.option(
     "--size", default="", metavar="WxH", help="Pixels of a picture, or such as 2x.  [default: the catalog's]"
@@ -34,6 +40,7 @@ SIZE = click.option(
 @RUN
 @PARAMETERS
 @COLOR_MAP
+@USING
 @VIEW
 @SIZE
 @click.option("--background", default="", metavar="R,G,B", help="Colour in [0, 1] behind it; else transparent.")
@@ -76,6 +83,7 @@ def export(run: Path, output: Path, **options: Any) -> None:
 @click.option("--rows-steps", default=ROW_STEPS, show_default=True, help="How many rows.")
 @PARAMETERS
 @COLOR_MAP
+@USING
 @VIEW
 @SIZE
 @click.option("--background", default="", metavar="R,G,B", help="Colour in [0, 1] behind it.  [default: white]")

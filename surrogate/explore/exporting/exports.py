@@ -66,7 +66,9 @@ class GaussiansRequest:
     setting: Setting
 
     def content(self, run: Run, progress: Progress, expectation: Expectation | None = None) -> bytes:
-        gaussians = self.setting.member(run.surrogate.using(GAUSSIANS))
+        if GAUSSIANS not in run.surrogate.representations:
+            raise ValueError("a .ply holds Gaussians, and this surrogate has none: `surrogate train RUN` trains them")
+        gaussians = replace(self.setting, using=GAUSSIANS).member(run.surrogate)
         assert isinstance(gaussians, DeformedGaussians)
         return ply_bytes(gaussians)
 

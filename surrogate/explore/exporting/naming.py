@@ -32,12 +32,12 @@ def _words(run: Run, request: Any) -> list[str]:
     sweep = getattr(request, "sweep", None)
     if sweep is None:
         against = ["compared"] if hasattr(request, "other") else []
-        return [*against, *_values(run, request.setting.values), request.setting.color_map]
+        return [*against, *_values(run, request.setting.values), request.setting.color_map, request.setting.using]
     over = [
         f"{axis.name}-{text(axis.low + axis.origin)}-to-{text(axis.high + axis.origin)}"
         for axis in reversed(sweep.axes)
     ]
-    return [*over, *_values(run, sweep.fixed), sweep.base.color_map]
+    return [*over, *_values(run, sweep.fixed), sweep.base.color_map, sweep.base.using]
 
 
 def _values(run: Run, values: dict[str, float | str]) -> list[str]:
@@ -58,7 +58,7 @@ def _plain(value: Any) -> Any:
     if isinstance(value, Camera):
         return value.to_json()
     if isinstance(value, Setting):
-        return [dict(value.values), value.color_map]
+        return [dict(value.values), value.color_map, *filter(None, [value.using])]
     if is_dataclass(value):
         return [_plain(getattr(value, field.name)) for field in fields(value)]
     return [_plain(part) for part in value] if isinstance(value, tuple | list) else value

@@ -39,7 +39,7 @@ def from_options(options: Mapping[str, Any], kind: Any, run: Run) -> CommandRequ
     """
     surrogate = run.surrogate
     like, camera, like_background = _read_state(options["like"]) if options.get("like") else (Setting({}), None, None)
-    setting = _setting(run, options["parameters"], options["color_map"], like)
+    setting = _setting(run, options["parameters"], options["color_map"], like, options["using"])
     if kind == "ply":
         return GaussiansRequest(setting)
     camera = camera or _view(run, options["view"])
@@ -86,14 +86,16 @@ def _read_state(path: Path) -> tuple[Setting, Camera | None, Color | None]:
     record = record_of(path)
     try:
         parameters = {name: float(value) for name, value in record["parameters"].items()}
-        setting = Setting(parameters, dict(record["visualization"]), str(record["color_map"]))
+        setting = Setting(
+            parameters, dict(record["visualization"]), str(record["color_map"]), str(record.get("using", ""))
+        )
         camera = Camera.from_json(record["camera"]) if "camera" in record else None
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         raise ValueError(f"the picture keeps no setting or camera that is understood: {error!r}") from error
     return setting, camera, None if record.get("background") is None else _color(record["background"])
 
 
-def _setting(run: Run, assignments: Sequence[str], color_map: str, like: Setting) -> Setting:
+def _setting(run: Run, assignments: Sequence[str], color_map: str, like: Setting, using: str = "") -> Setting:
     """The setting of assignments over `like` over the middle of all bounds, checked as a message of the page is."""
     space = run.surrogate.space
     names = [*space.names, *run.surrogate.visualization_names]
@@ -110,6 +112,7 @@ def _setting(run: Run, assignments: Sequence[str], color_map: str, like: Setting
         "parameters": {**middle, **like.parameters, **simulated},
         "visualization": visualization,
         "color_map": color_map or like.color_map,
+        "using": using or like.using,
     }
     return setting_of(record, run.surrogate, run.origins)
 

@@ -69,13 +69,15 @@ def record_for(
     """The record that an image keeps, as JSON values: enough to render it again with the same surrogate.
 
     `surrogate` is the fingerprint of the model's training, "" where it has none.  `Setting` takes back `parameters`,
-    `visualization` and `color_map`, `Camera.from_json` the `camera`; `background` is null for a transparent image.  `expected` is
-    the error to expect in words, with `psnr` and `error` in dB, null where none was measured; it is null without an expectation.
+    `visualization`, `color_map` and `using`, `Camera.from_json` the `camera`; `background` is null for a transparent image.
+    `expected` is the error to expect in words, with `psnr` and `error` in dB, null where none was measured; it is null without
+    an expectation.
     """
     return {
         "parameters": {name: float(value) for name, value in setting.parameters.items()},
         "visualization": {n: v if isinstance(v, str) else float(v) for n, v in setting.visualization.items()},
         "color_map": setting.color_map,
+        "using": setting.using,
         "camera": camera.to_json(),
         "background": None if background is None else [float(part) for part in background],
         "expected": expected and {"psnr": expected.psnr, "error": expected.error, "said": expected.sentence},

@@ -30,6 +30,7 @@ def snippet(
     function = _function_lines(setting, surrogate) if setting.color_map else []
     arguments = ["function", *_arguments(setting.parameters)] if function else _arguments(setting.values)
     picture = f"surrogate.{'under' if function else 'at'}({', '.join(arguments)})"
+    chosen = f'.using("{setting.using}")' if setting.using else ""
     behind = "" if background is None else f", background={tuple(float(part) for part in background)!r}"
     program = [
         "from pathlib import Path",
@@ -39,7 +40,7 @@ def snippet(
         "from surrogate import Surrogate",
         *(["from surrogate.explore.color_maps import color_points"] if function else []),
         "",
-        f"surrogate = Surrogate.load({str(Path(folder).resolve())!r})",
+        f"surrogate = Surrogate.load({str(Path(folder).resolve())!r}){chosen}",
         "camera = Camera.from_json(",
         indent(pformat(camera.to_json(), width=120, sort_dicts=False), "    "),
         ")",

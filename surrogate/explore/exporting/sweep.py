@@ -124,7 +124,8 @@ class Sweep:
     def described(self, origins: Mapping[str, float] | None = None) -> str:
         """In a line; control points are given by their places, see `Run.origins`."""
         over = " and ".join(str(axis) for axis in reversed(self.axes))
-        return f"{len(self)} pictures over {over}" + (f", {listed(self.fixed, origins)}" if self.fixed else "")
+        rest = self.base.shown_as(listed(self.fixed, origins))
+        return f"{len(self)} pictures over {over}" + (f", {rest}" if rest else "")
 
     @property
     def fixed(self) -> dict[str, float | str]:

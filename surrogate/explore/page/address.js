@@ -33,6 +33,7 @@ function writeSetting(fields, side, setting, facts) {
   put("isovalue", setting.isovalue, first.isovalue);
   put("appearance", setting.appearance, first.appearance);
   put("colors", setting.colorMap, "");
+  put("using", setting.using, "");
   for (const point of POINTS) put(point, placeOf(setting.points, point), placeOf(first.points, point));
 }
 
@@ -107,6 +108,7 @@ const short = text => text.length > LONGEST ? `${text.slice(0, LONGEST)}…` : t
 function readSetting(reading, side, facts, setting) {
   for (const p of facts.parameters) setting.parameters[p.name] = reading.number(`${side}.p.${p.name}`, p, setting.parameters[p.name]);
   setting.kind = reading.choice(`${side}.show`, ["base", ...facts.variations.map(v => v.kind)], setting.kind);
+  setting.using = reading.choice(`${side}.using`, ["", ...facts.model.representations.map(one => one.name)], "");
   const isovalue = variation(facts, "isovalue"), field = variation(facts, "field"), functions = variation(facts, "transfer_function");
   if (isovalue) setting.isovalue = reading.number(`${side}.isovalue`, isovalue, setting.isovalue);
   if (field) setting.appearance = reading.choice(`${side}.appearance`, field.names, setting.appearance);

@@ -250,7 +250,7 @@ class Explorer {
     const [width, height] = answer.size, rate = this.times.length;
     this.status.textContent = moving
       ? `${answer.drawn.toFixed(0)} ms · ${rate} pictures/s`
-      : `${width}×${height} in ${answer.drawn.toFixed(0)} ms`;
+      : `${width}×${height} in ${answer.drawn.toFixed(0)} ms by the ${[...new Set(answer.by)].join(", ")}`;
     this.compared(answer);
     if (moving) return;
     this.expect(answer.expected);

@@ -130,8 +130,13 @@ function limits(sweep, p, second, change) {
     warning && element("p", { class: "warning outside" }, warning));
 }
 
+/** What draws the picture, to be chosen where there are several, with its size and speed. */
 export function modelPanel(explorer) {
-  const { model } = explorer.facts;
-  return section("Model", element("p", { class: "hint" },
-    [`${model.gaussians.toLocaleString("en")} Gaussians`, `${digits(+model.megabytes.toPrecision(2))} MB`, model.seconds ? `trained in ${Math.round(model.seconds)} s` : ""].filter(Boolean).join(", ")));
+  const { model } = explorer.facts, ways = model.representations, setting = current(explorer.state), rounded = number => digits(+number.toPrecision(2));
+  const choose = using => { current(explorer.state).using = using; explorer.set({}); document.getElementById("using").focus(); };
+  const facts = ({ name, words, megabytes, milliseconds }) => [name === "gaussians" ? `${model.gaussians.toLocaleString("en")} Gaussians` : words,
+    `${rounded(megabytes)} MB`, milliseconds && `${rounded(milliseconds)} ms a picture`].filter(Boolean).join(", ");
+  return section("Model",
+    ways.length > 1 && menu("Drawn by", "using", setting.using, [["", "the best on validation"], ...ways.map(one => [one.name, one.words])], choose),
+    element("p", { class: "hint" }, [...ways.map(facts), model.seconds && `trained in ${Math.round(model.seconds)} s`].filter(Boolean).join("; ")));
 }

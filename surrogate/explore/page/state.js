@@ -1,8 +1,8 @@
 // Everything that a tab shows, as one plain object; `address.js` writes it into the address, whole.
 //
 // { mode, settings: [A, B], active, against, orbit, background, full, sweep }
-// A setting: { parameters: {name: value}, kind, isovalue, points: {c1_value, ...}, colorMap, appearance }; `points` are the places of
-// the transfer function's control points.  A sweep: { name, low, high, count, second, secondLow, secondHigh, secondCount }, where
+// A setting: { parameters: {name: value}, kind, isovalue, points: {c1_value, ...}, colorMap, appearance, using }; `points` are the
+// places of the transfer function's control points, `using` names what draws it, "" for the best.  A sweep: { name, low, high, count, second, secondLow, secondHigh, secondCount }, where
 // "" for an end is the bound.
 
 import { rounded as roundedOrbit } from "./orbit.js";
@@ -30,6 +30,7 @@ export function firstSetting(facts) {
     points: Object.fromEntries(pointsOf(facts).map(p => [p.name, p.origin])),
     colorMap: "",
     appearance: field ? field.names[0] : "",
+    using: "",
   };
 }
 
@@ -58,7 +59,7 @@ export function messageOf(setting, facts) {
     field: () => ({ appearance: setting.appearance }),
   }[setting.kind]();
   const color_map = setting.kind === "transfer_function" ? setting.colorMap : "";
-  return { parameters: { ...setting.parameters }, visualization, color_map };
+  return { parameters: { ...setting.parameters }, visualization, color_map, ...(setting.using && { using: setting.using }) };
 }
 
 /** What can be swept or slid: simulation parameters, and those of the setting's visualization. */

@@ -18,6 +18,7 @@ export function described(setting, facts) {
     words.push(...moved.map(p => valued(p, setting.points[p.name])));
     if (setting.colorMap) words.push(setting.colorMap);
   }
+  if (setting.using) words.push(`by the ${facts.model.representations.find(one => one.name === setting.using).words}`);
   return words.join(", ");
 }
 

@@ -125,15 +125,15 @@ class MeasuredFamily:
 
 def families_of(
     measured: Sequence[Measurement], surrogate: Surrogate, nearest: int = NEAREST
-) -> dict[str, MeasuredFamily]:
-    """The measurements by `SettingPoint.family`."""
-    rows: dict[str, list[tuple[NDArray[np.float64], Measurement]]] = {}
+) -> dict[tuple[str, str], MeasuredFamily]:
+    """The measurements by `SettingPoint.family` and `SettingPoint.drawn_by`."""
+    rows: dict[tuple[str, str], list[tuple[NDArray[np.float64], Measurement]]] = {}
     for one in measured:
         point = point_of(one.setting, surrogate)
-        rows.setdefault(point.family, []).append((point.values, one))
+        rows.setdefault((point.family, point.drawn_by), []).append((point.values, one))
     most, base = max((len(one.psnr) for one in measured), default=0), base_name(surrogate)
     families = {
-        family: MeasuredFamily(
+        key: MeasuredFamily(
             np.array([values for values, _ in group]),
             np.array([one.psnr + (math.nan,) * (most - len(one.psnr)) for _, one in group]),
             np.array([one.member for _, one in group]),
@@ -143,7 +143,7 @@ def families_of(
             any(one.seen_views for _, one in group),
             nearest=nearest,
         )
-        for family, group in rows.items()
+        for key, group in rows.items()
     }
-    gap = families[base].gap if base in families else None
-    return {name: replace(family, base_gap=gap) for name, family in families.items()}
+    gaps = {drawn_by: family.gap for (name, drawn_by), family in families.items() if name == base}
+    return {key: replace(family, base_gap=gaps.get(key[1])) for key, family in families.items()}

@@ -108,7 +108,7 @@ class Expectation:
     Attributes
     ----------
     measured : of all families; empty where nothing could be measured.
-    families : by `SettingPoint.family`.
+    families : by `SettingPoint.family` and `SettingPoint.drawn_by`.
     members : the training members; empty without a catalog.
     training : (N, P) their simulation parameters as fractions of their ranges.
     views : the catalog's cameras; None without any.
@@ -116,7 +116,7 @@ class Expectation:
     """
 
     measured: tuple[Measurement, ...]
-    families: Mapping[str, MeasuredFamily]
+    families: Mapping[tuple[str, str], MeasuredFamily]
     members: tuple[Member, ...]
     training: NDArray[np.float64]
     views: Views | None = None
@@ -143,7 +143,7 @@ class Expectation:
         that are missing, unknown or not finite.
         """
         point = point_of(setting, surrogate)
-        nearest, family = self._nearest_member(point, surrogate), self.families.get(point.family)
+        nearest, family = self._nearest_member(point, surrogate), self.families.get((point.family, point.drawn_by))
         if family is None:
             return replace(nearest, unmeasured=NO_IMAGES)
         outside = self._outside(setting, point, family, surrogate, camera)

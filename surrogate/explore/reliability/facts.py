@@ -14,7 +14,8 @@
     background     "#rrggbb" that the training images stand on; null where they have alpha
     size           [width, height] of the training images; null without a catalog
     truth          whether there is a catalog whose pictures can be shown
-    model          {gaussians, megabytes, seconds}
+    model          {gaussians, megabytes, seconds, representations: [{name, words, megabytes, milliseconds}]}: those that can draw,
+                   `megabytes` of each as stored and `milliseconds` of a picture, null where nobody measured it
 
 A label names the field, with its unit; "" where nothing is known of it.  The values of `points` are places of control points, of
 which the base's are the origins.  A gradient is a list of CSS colour stops whose places are percentages between the first and the
@@ -45,6 +46,7 @@ from surrogate.explore.run import Run
 from surrogate.explore.setting import base_function
 from surrogate.model import Surrogate
 from surrogate.model.places import limits
+from surrogate.model.representation import WORDS
 from surrogate.notebook import first_camera
 
 MOST_TICKS, MOST_MEMBERS, MOST_SUMMARIES = 300, 5000, 200
@@ -78,6 +80,10 @@ def facts(run: Run) -> Json:
             "gaussians": len(surrogate.gaussians),
             "megabytes": surrogate.megabytes,
             "seconds": surrogate.training.get("seconds"),
+            "representations": [
+                {"name": n, "words": WORDS[n], "megabytes": size, "milliseconds": surrogate.scores.milliseconds.get(n)}
+                for n, size in surrogate.sizes.items()
+            ],
         },
     }
     return dict(_clean(statements))

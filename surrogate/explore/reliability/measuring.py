@@ -28,7 +28,7 @@ from surrogate.model import MemberModel, Surrogate
 from surrogate.storage.records import Provenance, Record
 
 FILE = Path("explore") / "expectation.json"
-KIND, VERSION = "expectation", 2  # 1 was no `Record`
+KIND, VERSION = "expectation", 3  # 1 was no `Record`, 2 did not say what drew the pictures
 VIEWS = 5  # of a member: its views differ by 0.3 to 1 dB, so their mean is known to 0.1 to 0.5 dB
 MOST_VALIDATION, MOST_TRAINING, MOST_VARIED = 60, 80, 80  # cases: some 1,000 pictures of 10 ms at most
 
@@ -44,6 +44,7 @@ class Measurement:
     varied: Mapping[str, float | str]  # the visualization parameters as a `Setting` has them
     psnr: tuple[float, ...]  # dB, of each view
     seen_views: bool  # whether training learnt from these views, for lack of others
+    using: str = ""  # the representation that drew it
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "psnr", tuple(map(float, self.psnr)))
@@ -52,7 +53,7 @@ class Measurement:
 
     @property
     def setting(self) -> Setting:
-        return Setting(self.parameters, self.varied)
+        return Setting(self.parameters, self.varied, using=self.using)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -147,10 +148,12 @@ def _in_turn(cases: Sequence[PlannedMeasurement]) -> list[PlannedMeasurement]:
 def _measured(
     surrogate: Surrogate, catalog: Catalog, planned: Sequence[PlannedMeasurement], progress: Report
 ) -> Iterator[Measurement]:
-    """Measure each case; those whose pictures can't be read are left out."""
-    total, counted = sum(len(case.views) for case in planned), itertools.count(1)
-    for case in planned:
-        member, prediction = case.member, Setting(case.member.parameters, case.varied).member(surrogate)
+    """Measure each case by each representation; those whose pictures can't be read are left out."""
+    pairs = [(case, using) for case in planned for using in surrogate.representations]
+    total, counted = sum(len(case.views) for case, _ in pairs), itertools.count(1)
+    for case, using in pairs:
+        member, setting = case.member, Setting(case.member.parameters, case.varied, using=using)
+        prediction = setting.member(surrogate)
         scores: list[float] = []
         for view in case.views:
             with suppress(ImageError):
@@ -158,7 +161,7 @@ def _measured(
             progress("what to expect", next(counted), total)
         if scores:
             place = dict(member.parameters), case.appearance, dict(case.varied)
-            yield Measurement(member.name, member.split, *place, tuple(scores), case.seen_views)
+            yield Measurement(member.name, member.split, *place, tuple(scores), case.seen_views, using)
 
 
 def psnr_of(prediction: MemberModel, catalog: Catalog, member: Member, appearance: str, view: int) -> float:

@@ -28,11 +28,13 @@ class SettingPoint:
         appearance.
     values : (P + V,) simulation and visualization parameters as fractions of their ranges; V is 0 where the family has none.
     outside : names of the parameters that lie out of bounds.
+    drawn_by : the one of `Surrogate.representations` that draws it.
     """
 
     family: str
     values: NDArray[np.float64]  # [P + V]
     outside: tuple[str, ...]
+    drawn_by: str
 
 
 def base_name(surrogate: Surrogate) -> str:
@@ -54,14 +56,15 @@ def appearances_of(surrogate: Surrogate, splits: Sequence[str] = SPLITS) -> dict
 def point_of(setting: Setting, surrogate: Surrogate) -> SettingPoint:
     """The point of `setting`; raises ValueError for parameters that are missing, unknown or not finite."""
     simulation = surrogate.space.values(setting.parameters, outside="allow")  # [P]
-    variation, values = variation_of(setting.visualization, surrogate.variations)
+    variation, varied = variation_of(setting.visualization, surrogate.variations)
     outside, family, within = [*surrogate.space.outside(simulation)], base_name(surrogate), np.zeros(0)
     if variation is not None and variation.continuous:
-        outside += variation.space.outside(values)
-        family, within = family if variation.edits_base else ISOSURFACES, variation.normalize(values) / RANGE
+        outside += variation.space.outside(varied)
+        family, within = family if variation.edits_base else ISOSURFACES, variation.normalize(varied) / RANGE
     elif variation is not None:
-        family = next(s.appearance for s in variation.settings if s.values == values)
-    return SettingPoint(family, np.concatenate([surrogate.space.normalize(simulation) / RANGE, within]), tuple(outside))
+        family = next(s.appearance for s in variation.settings if s.values == varied)
+    values = np.concatenate([surrogate.space.normalize(simulation) / RANGE, within])
+    return SettingPoint(family, values, tuple(outside), setting.drawn_by(surrogate))
 
 
 def values_of(space: ParameterSpace, rows: Sequence[Mapping[str, float]]) -> NDArray[np.float64]:

@@ -16,6 +16,7 @@ from surrogate.explore.reliability.truth import Truth
 from surrogate.explore.request import FrameRequest
 from surrogate.explore.setting import Setting
 from surrogate.model import MemberModel, Surrogate
+from surrogate.model.representation import WORDS
 
 KEPT = 32  # members at the last settings: moving the camera computes none anew
 
@@ -42,7 +43,8 @@ class Frames:
         """Encoded images and their descriptions, as values that a message carries.
 
         `pictures` are bytes: of the settings, the truth, and the difference of the first two.  `form`, `size` [width, height]
-        and `drawn`, milliseconds, are of all.  `expected` is of each setting, in PNG only; `difference` and `truth` on request.
+        and `drawn`, milliseconds, are of all.  `by`, words on what draws it, is of each setting, and so is `expected`, in PNG only;
+        `difference` and `truth` on request.
         """
         started = time.perf_counter()
         pictures = [
@@ -66,6 +68,7 @@ class Frames:
             "form": request.form,
             "size": [request.camera.width, request.camera.height],
             "expected": self._expected(request),
+            "by": [WORDS[setting.drawn_by(self.surrogate)] for setting in request.settings],
             "drawn": milliseconds,
         }
 

@@ -109,6 +109,7 @@ RANDOM_STATES = """async count => {
     for (const p of pointsOf(facts)) if (random() < 0.5) made.points[p.name] = p.low + random() * (p.high - p.low);
     if (made.points.c1_value >= made.points.c2_value) made.points = first.points;
     made.colorMap = pick(["", "viridis", "gray"]);
+    made.using = pick(["", ...facts.model.representations.map(one => one.name)]);
     return made;
   };
   const sweep = state => {

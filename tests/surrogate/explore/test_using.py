@@ -1,0 +1,151 @@
+"""The explorer with several representations: what draws a picture is chosen, and everything that is exported follows."""
+
+from __future__ import annotations
+
+import io
+import runpy
+import shutil
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from surrogate.explore.exporting.exports import exported
+from surrogate.explore.exporting.options import from_options
+from surrogate.explore.exporting.pictures import record_of
+from surrogate.explore.reliability.expectation import measure, stored_expectation
+from surrogate.explore.reliability.facts import facts
+from surrogate.explore.request import MessageError, frame_request
+from surrogate.explore.run import Run
+from surrogate.explore.server.frames import Frames
+from surrogate.explore.setting import Setting
+from surrogate.model.representation import BOTH, FIELD, GAUSSIANS
+from surrogate.settings import TrainingSettings
+from surrogate.training.run import train
+from tests.support.field_catalogs import rendered
+
+SETTINGS = TrainingSettings(gaussians=60, canonical_steps=4, deformation_steps=8, visualization_steps=6)
+CAMERA = {"position": [3.0, 0.5, 0.5], "target": [0.5, 0.5, 0.5], "up": [0.0, 0.0, 1.0], "field": 30.0}
+NO_OPTIONS: dict[str, Any] = {
+    "parameters": (), "color_map": "", "using": "", "view": 0, "size": "", "background": "", "like": None, "compare": (),
+}  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory) -> Run:
+    folder = tmp_path_factory.mktemp("using")
+    catalog = rendered(folder / "a.cdb", surface=False)
+    surrogate = train(SETTINGS, catalog, folder / "run" / "surrogate")
+    return Run("run", surrogate, folder / "run" / "surrogate", catalog, folder / "run")
+
+
+@pytest.fixture(scope="module")
+def alone(run: Run, tmp_path_factory: pytest.TempPathFactory) -> Run:
+    """The same without Gaussians."""
+    assert run.model_folder is not None
+    folder = tmp_path_factory.mktemp("alone")
+    shutil.copytree(run.model_folder / "field", folder / "field")
+    return Run.open(folder)
+
+
+def message(*settings: dict[str, Any], **more: Any) -> dict[str, Any]:
+    shown = [{"parameters": {"p": 0.6}, **setting} for setting in settings or ({},)]
+    return {"settings": shown, "camera": CAMERA, "size": [24, 24], "form": "png", **more}
+
+
+def test_each_setting_is_drawn_by_what_it_names(run: Run) -> None:
+    request = frame_request(message({"using": GAUSSIANS}, {"using": FIELD}, difference=True), run.surrogate)
+    answer = Frames(run.surrogate).answer(request)
+    assert answer["by"] == ["Gaussians", "emulated field"]
+    assert answer["difference"]["maximum"] > 0.0
+    [best] = Frames(run.surrogate).answer(frame_request(message(), run.surrogate))["pictures"]
+    assert best == answer["pictures"][1]  # which validation prefers
+
+
+@pytest.mark.parametrize("using", ["points", 3, None, ["field"]])
+def test_other_names_are_refused(run: Run, using: object) -> None:
+    with pytest.raises(MessageError, match="using must be one of gaussians, field, both or empty"):
+        frame_request(message({"using": using}), run.surrogate)
+
+
+def test_only_what_the_surrogate_holds_is_offered(run: Run, alone: Run) -> None:
+    assert [one["name"] for one in facts(run)["model"]["representations"]] == [GAUSSIANS, FIELD, BOTH]
+    assert all(one["megabytes"] > 0.0 < one["milliseconds"] for one in facts(run)["model"]["representations"])
+    model = facts(alone)["model"]
+    assert model["gaussians"] == 0
+    assert [one["name"] for one in model["representations"]] == [FIELD]
+    assert model["megabytes"] == model["representations"][0]["megabytes"]
+    with pytest.raises(MessageError, match="using must be one of field or empty"):
+        frame_request(message({"using": GAUSSIANS}), alone.surrogate)
+
+
+@pytest.mark.parametrize("using", ["", GAUSSIANS, FIELD, BOTH])
+def test_errors_are_expected_of_what_draws(run: Run, using: str) -> None:
+    measured = measure(run)
+    rows = [one for one in measured.measured if one.using == (using or FIELD)]
+    assert len(rows) == len(measured.measured) / 3
+    at = measured.at(Setting(rows[0].parameters, using=using), run.surrogate)
+    [family] = [f for key, f in measured.families.items() if key == ("dvr", using or FIELD)]
+    assert at.psnr == family.expected_at(family.points[0])
+
+
+def test_measurements_are_kept_for_all_and_shown_for_none_other(run: Run) -> None:
+    measure(run)
+    assert stored_expectation(run) is not None
+    other = Run("run", run.surrogate.using(GAUSSIANS), run.model_folder, run.catalog, run.folder)
+    expected = measure(other).at(Setting({"p": 0.6}), other.surrogate)
+    assert expected.psnr == measure(run).at(Setting({"p": 0.6}, using=GAUSSIANS), run.surrogate).psnr
+
+
+@pytest.mark.parametrize("kind", ["png", "exr", "sheet", "comparison", "python"])
+def test_exports_are_drawn_by_it(run: Run, kind: str) -> None:
+    sweep = {"name": "p", "count": 2}
+    contents = {}
+    for using in ("", GAUSSIANS, FIELD):
+        settings = [{"using": using}] * (2 if kind == "comparison" else 1)
+        file = exported({**message(*settings), "kind": kind, "sweep": sweep}, run)
+        contents[using] = file
+        assert (using in file.name) == bool(using) or not using
+        if kind not in ("python",):
+            assert record_of(file.content)["using"] == using
+    assert contents[GAUSSIANS].content != contents[FIELD].content
+    assert len({file.name for file in contents.values()}) == 3
+
+
+def test_the_snippet_draws_the_same(run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    asked = message({"using": GAUSSIANS}, background="#000000")
+    program = exported({**asked, "kind": "python"}, run).content.decode()
+    assert '.using("gaussians")' in program
+    (tmp_path / "draw.py").write_text(program)
+    monkeypatch.chdir(tmp_path)
+    runpy.run_path(str(tmp_path / "draw.py"))
+    drawn = np.asarray(Image.open("picture.png").convert("RGB"))
+    saved = Image.open(io.BytesIO(exported({**asked, "kind": "png"}, run).content)).convert("RGB")
+    np.testing.assert_array_equal(drawn, np.asarray(saved))
+
+
+def test_a_picture_that_was_drawn_by_one_is_drawn_so_again(run: Run, tmp_path: Path) -> None:
+    (tmp_path / "a.png").write_bytes(exported({**message({"using": BOTH}), "kind": "png"}, run).content)
+    again: Any = from_options(NO_OPTIONS | {"like": tmp_path / "a.png"}, "png", run)
+    assert again.setting.using == BOTH
+    assert from_options(NO_OPTIONS | {"using": FIELD}, "png", run).setting.using == FIELD  # type: ignore[union-attr]
+    with pytest.raises(MessageError, match="using must be one of"):
+        from_options(NO_OPTIONS | {"using": "nobody"}, "png", run)
+
+
+def test_what_has_no_gaussians_has_no_ply_and_no_gradients(run: Run, alone: Run) -> None:
+    assert exported({**message({"using": FIELD}), "kind": "ply"}, run).content.startswith(b"ply")
+    with pytest.raises(ValueError, match=r"a \.ply holds Gaussians, and this surrogate has none"):
+        exported({**message(), "kind": "ply"}, alone)
+    with pytest.raises(ValueError, match=r"pictures by the emulated field have no gradients.*train Gaussians as well"):
+        alone.surrogate.differentiable()
+    with pytest.raises(ValueError, match=r"by the mean of both have no gradients.*using\(\"gaussians\"\)"):
+        run.surrogate.using(BOTH).differentiable()
+    assert len(run.surrogate.differentiable().state_dict())
+
+
+@pytest.mark.parametrize("kind", ["png", "exr", "sheet", "python"])
+def test_a_field_alone_is_exported(alone: Run, kind: str) -> None:
+    assert exported({**message(), "kind": kind, "sweep": {"name": "p", "count": 2}}, alone).content
