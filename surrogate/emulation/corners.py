@@ -1,4 +1,4 @@
-"""Places in a field on a regular grid: the samples around them, and trilinear interpolation."""
+"""Places in a field on a regular grid: the samples around them, trilinear interpolation, and other grids over its box."""
 
 from __future__ import annotations
 
@@ -8,11 +8,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from catalogs.vocabulary.numbers import row
+from catalogs.vocabulary.numbers import count, row
 from catalogs.vocabulary.words import one_line
 
 Vector = tuple[float, float, float]
+Shape = tuple[int, int, int]
 BEYOND = 1e-6  # of a step, by which places may lie outside the box: rounding
+MOST_SAMPLES = 1 << 28  # of a resampled field: 1 GiB
 
 
 def vector(values: Any, what: str) -> Vector:
@@ -55,3 +57,29 @@ class Corners:
         if holes is not None:
             averages[..., (holes[self.indices] & (self.weights > 0.0)).any(1)] = np.nan
         return averages
+
+
+def resampled(values: NDArray[np.float32], shape: Shape) -> NDArray[np.float32]:
+    """A field (Z, Y, X) on as many samples as `shape` says, from its first to its last along each axis: trilinear."""
+    for axis, side in enumerate(shape):
+        last = values.shape[axis] - 1
+        places = np.linspace(0.0, last, side)
+        low = places.astype(np.int64)
+        share = (places - low).astype(np.float32).reshape(-1, *(1,) * (2 - axis))
+        high = np.minimum(low + 1, last)
+        values = values.take(low, axis) * (1.0 - share) + values.take(high, axis) * share
+    return values
+
+
+def other_shape(sides: Any, before: Shape) -> Shape:
+    """Numbers of samples (Z, Y, X) for a field that has `before`; raises ValueError for what doesn't span its box."""
+    z, y, x = (
+        count(side, "each side of a field's shape") for side in row(sides, 3, "the shape of a field, (z, y, x),")
+    )
+    for axis, side, old in zip("zyx", (z, y, x), before, strict=True):
+        if (side == 1) != (old == 1):
+            wanted = "1 sample, as the field has" if old == 1 else "2 samples or more"
+            raise ValueError(f"the shape of a field must have {wanted} along {axis}, got {side}")
+    if z * y * x > MOST_SAMPLES:
+        raise ValueError(f"a field has at most {MOST_SAMPLES:,} samples, got {x} x {y} x {z}")
+    return z, y, x

@@ -1,40 +1,40 @@
-"""A field on a regular grid as an emulator predicts it."""
+"""A field as an emulator predicts it, with what can be asked of it."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike
 
-from catalogs.vocabulary.words import one_line
-from surrogate.emulation.corners import Vector
-from surrogate.emulation.posterior import Posterior
+from surrogate.emulation import exports, measures
+from surrogate.emulation.corners import BEYOND, other_shape, resampled
+from surrogate.emulation.lattice_field import LatticeField
+from surrogate.emulation.posterior import ResampledPosterior
 
 
 @dataclass(frozen=True, eq=False)
-class EmulatedField:
-    """A field at one set of parameters.
+class EmulatedField(LatticeField):
+    """A field at one set of parameters, with numbers of it, from `measures`, and its form for other programs, from `exports`."""
 
-    Attributes
-    ----------
-    values : (Z, Y, X) float32, in the field's unit; any finite number in holes.
-    holes : (Z, Y, X) bool, True where the field has no value; None where there are no holes.
-    spacing, origin : (x, y, z) in world units: sample [k, j, i] lies at origin + spacing * (i, j, k).
-    posterior : the distribution that the values are the mean of; None for fields that are known.
-    """
+    sample = measures.sample
+    profile = measures.profile
+    plane = measures.plane
+    statistics = measures.statistics
+    histogram = measures.histogram
+    to_xarray = exports.to_xarray
+    save = exports.save
 
-    values: NDArray[np.float32]  # [Z, Y, X]
-    holes: NDArray[np.bool_] | None
-    spacing: Vector
-    origin: Vector
-    posterior: Posterior | None = None
+    def resampled(self, shape: ArrayLike) -> EmulatedField:
+        """The field on another number of samples (Z, Y, X) over the same box, trilinear; beside holes there are holes.
 
-    __repr__ = one_line
-
-    @property
-    def deviations(self) -> NDArray[np.float32] | None:
-        """Standard deviations (Z, Y, X) in the field's unit; None for fields that are known."""
-        if self.posterior is None:
-            return None
-        return self.posterior.deviations().reshape(self.values.shape)
+        Raises ValueError for shapes that can't span the box.
+        """
+        before: tuple[int, int, int] = self.values.shape
+        after = other_shape(shape, before)
+        shares = [(old - 1) / (new - 1) if new > 1 else 1.0 for old, new in zip(before, after, strict=True)]
+        x, y, z = (step * share for step, share in zip(self.spacing, shares[::-1], strict=True))
+        holes = None if self.holes is None else resampled(self.holes.astype(np.float32), after) > BEYOND
+        posterior = None if self.posterior is None else ResampledPosterior(self.posterior, before, after)
+        values = resampled(self.values, after)
+        return replace(self, values=values, holes=holes, spacing=(x, y, z), posterior=posterior)

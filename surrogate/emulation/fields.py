@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from catalogs.store.catalog import Catalog
 from catalogs.store.coarse import CoarseField
@@ -19,6 +20,7 @@ from catalogs.vocabulary.words import joined_names
 from surrogate.appearance.scale import ValueScale
 from surrogate.emulation import storage
 from surrogate.emulation.emulator import FieldEmulator
+from surrogate.emulation.field import EmulatedField
 from surrogate.emulation.fitting import FEWEST
 from surrogate.storage import models
 from surrogate.storage.names import joined, part_of
@@ -82,6 +84,10 @@ class EmulatedFields(Mapping[str, FieldEmulator]):
     def megabytes(self) -> float:
         """Size of the stored tensors, 10^6 bytes."""
         return self.stored_form().megabytes
+
+    def field(self, name: str, point: ArrayLike) -> EmulatedField:
+        """A field with its name and unit at normalized parameters (P,)."""
+        return replace(self[name].at(point), quantity=self.quantity(name))
 
     def quantity(self, name: str) -> Quantity:
         """The name and the unit of a field."""

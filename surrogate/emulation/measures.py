@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from catalogs.vocabulary.numbers import count, finite, row
 from catalogs.vocabulary.words import one_line
 from surrogate.emulation.corners import Corners
-from surrogate.emulation.field import EmulatedField
+from surrogate.emulation.lattice_field import LatticeField
 
 Array = NDArray[np.float64]
 
@@ -67,7 +67,7 @@ class Histogram:
     __repr__ = one_line
 
 
-def sample(field: EmulatedField, places: ArrayLike) -> Sampled:
+def sample(field: LatticeField, places: ArrayLike) -> Sampled:
     """The field at world places (N, 3), trilinear."""
     points = np.asarray(places, dtype=np.float64)
     corners = Corners.of(points, field.values.shape, field.spacing, field.origin)
@@ -77,14 +77,14 @@ def sample(field: EmulatedField, places: ArrayLike) -> Sampled:
     return Sampled(points, *field.posterior.sample(corners, holes))
 
 
-def profile(field: EmulatedField, start: ArrayLike, end: ArrayLike, number: int = 100) -> Sampled:
+def profile(field: LatticeField, start: ArrayLike, end: ArrayLike, number: int = 100) -> Sampled:
     """The field at `number` places, evenly from one world place to another."""
     shares = np.linspace(0.0, 1.0, count(number, "number of places"))[:, None]
     first, last = (np.array(row(place, 3, "end of a profile")) for place in (start, end))
     return sample(field, first + shares * (last - first))
 
 
-def plane(field: EmulatedField, axis: str, coordinate: float) -> Sampled:
+def plane(field: LatticeField, axis: str, coordinate: float) -> Sampled:
     """The slice across an axis, "x", "y" or "z", at a world coordinate: the samples of the other two axes, [., .] in z, y, x."""
     if axis not in AXES:
         raise ValueError(f"axis must be one of x, y, z, got {axis!r}")
@@ -102,7 +102,7 @@ def plane(field: EmulatedField, axis: str, coordinate: float) -> Sampled:
 
 
 def statistics(
-    field: EmulatedField, box: Box | None = None, level: float | None = None, *, draws: int = DRAWS, seed: int = SEED
+    field: LatticeField, box: Box | None = None, level: float | None = None, *, draws: int = DRAWS, seed: int = SEED
 ) -> Statistics:
     """Of the samples in a box, its lower and upper corner in world units; None: everywhere.
 
@@ -123,7 +123,7 @@ def statistics(
 
 
 def histogram(
-    field: EmulatedField, edges: ArrayLike, box: Box | None = None, *, draws: int = DRAWS, seed: int = SEED
+    field: LatticeField, edges: ArrayLike, box: Box | None = None, *, draws: int = DRAWS, seed: int = SEED
 ) -> Histogram:
     """Of the samples in a box (see `statistics`) in bins between increasing `edges` (B + 1,); the last holds its upper edge."""
     bounds = np.asarray(edges, dtype=np.float64)
@@ -137,7 +137,7 @@ def histogram(
 
 
 def _with_draws(
-    field: EmulatedField, box: Box | None, measured: Callable[[NDArray[Any]], Array], draws: int, seed: int
+    field: LatticeField, box: Box | None, measured: Callable[[NDArray[Any]], Array], draws: int, seed: int
 ) -> tuple[Array, Array | None]:
     """Numbers of the field's values in a box, and their root mean square differences in fields of the posterior."""
     inside = _inside(field, box)
@@ -148,7 +148,7 @@ def _with_draws(
     return values, np.sqrt(np.mean((np.array(others) - values) ** 2, axis=0, dtype=np.float64))
 
 
-def _inside(field: EmulatedField, box: Box | None) -> NDArray[np.int64]:
+def _inside(field: LatticeField, box: Box | None) -> NDArray[np.int64]:
     """Positions of the samples in a box that have a value."""
     selected = np.ones(field.values.shape, bool) if field.holes is None else ~field.holes
     if box is not None:
@@ -164,7 +164,7 @@ def _inside(field: EmulatedField, box: Box | None) -> NDArray[np.int64]:
     return indices
 
 
-def _axis(field: EmulatedField, axis: int) -> Array:
+def _axis(field: LatticeField, axis: int) -> Array:
     """World coordinates of the samples along x, 0, y, 1, or z, 2."""
     steps = np.arange(field.values.shape[2 - axis], dtype=np.float64)
     return field.origin[axis] + field.spacing[axis] * steps

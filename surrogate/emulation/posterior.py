@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from catalogs.vocabulary.words import one_line
 from surrogate.appearance.scale import ValueScale
-from surrogate.emulation.corners import Corners
+from surrogate.emulation.corners import Corners, Shape, resampled
 
 PLACES_AT_ONCE = 4_096
 VOXELS_AT_ONCE = 1 << 15
@@ -90,6 +91,16 @@ class Posterior:
         deviations = np.sqrt(self.spreads**2 @ by_mode**2 + residual**2)
         return values, np.where(np.isnan(values), np.nan, deviations)
 
+    def parts(self) -> Iterator[NDArray[np.float32]]:
+        """Fields (V,) in the field's unit, independent of each other: their squares add up to the variance."""
+        slopes: Any = 1.0
+        if self.scale is not None:
+            spread = replace(self, scale=None).deviations()
+            slopes = np.divide(self.deviations(), spread, out=np.ones_like(spread), where=spread > 0.0)
+        for spread, mode in zip(self.spreads.astype(np.float32), self.modes, strict=True):
+            yield spread * mode * slopes
+        yield self.residual * slopes
+
     def _scaled(self, coefficients: NDArray[np.float64]) -> NDArray[np.float32]:
         return self.mean + coefficients.astype(np.float32) @ self.modes
 
@@ -101,3 +112,41 @@ class Posterior:
         if self.scale is None:
             return spread
         return (self.scale.values(scaled + spread) - self.scale.values(scaled - spread)) / 2.0
+
+
+@dataclass(frozen=True, eq=False)
+class ResampledPosterior:
+    """A distribution of fields on `after` samples (Z, Y, X) instead of `before`, over the same box: trilinear."""
+
+    posterior: Posterior | ResampledPosterior
+    before: Shape
+    after: Shape
+
+    __repr__ = one_line
+
+    def values(self) -> NDArray[np.float32]:
+        """The most likely field (V,), in the field's unit."""
+        return self._resampled(self.posterior.values())
+
+    def deviations(self) -> NDArray[np.float32]:
+        """Standard deviations (V,) in the field's unit."""
+        return np.sqrt(sum(part**2 for part in self.parts()))
+
+    def draws(self, count: int, seed: int) -> Iterator[NDArray[np.float32]]:
+        """See `Posterior.draws`."""
+        return map(self._resampled, self.posterior.draws(count, seed))
+
+    def sample(
+        self, corners: Corners, holes: NDArray[np.bool_] | None
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Values and standard deviations (N,) at the corners' places, in the field's unit."""
+        values = corners.average(self.values(), holes)
+        deviations = np.sqrt(sum(corners.average(part) ** 2 for part in self.parts()))
+        return values, np.where(np.isnan(values), np.nan, deviations)
+
+    def parts(self) -> Iterator[NDArray[np.float32]]:
+        """See `Posterior.parts`."""
+        return map(self._resampled, self.posterior.parts())
+
+    def _resampled(self, values: NDArray[np.float32]) -> NDArray[np.float32]:
+        return resampled(values.reshape(self.before), self.after).ravel()

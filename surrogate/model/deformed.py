@@ -67,9 +67,9 @@ class DeformedGaussians:
         """
         return self._numbers().sample(places)
 
-    def field(self) -> Any:
+    def field(self, shape: ArrayLike | None = None) -> Any:
         """The emulated field, see `EmulatedMember.field`; raises ValueError where the surrogate has no emulator of it."""
-        return self._numbers().field()
+        return self._numbers().field(shape)
 
     def _numbers(self) -> Any:
         if self.emulated is None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from catalogs.vocabulary.appearance import Isosurface, VolumeRendering
 from catalogs.vocabulary.cameras import Camera
+from catalogs.vocabulary.quantity import Quantity
 from surrogate.emulation import EmulatedField, FieldEmulator
 from surrogate.gaussians import Normalization
 from surrogate.model.deformed import checked_background, named, over
@@ -28,6 +29,7 @@ class EmulatedMember:
     ----------
     point : (P,) normalized simulation parameters.
     sample_distance : along rays through a volume, world units; None for half the smallest spacing.
+    quantity : the field's name and unit.
     """
 
     emulator: FieldEmulator
@@ -36,14 +38,15 @@ class EmulatedMember:
     parameters: Mapping[str, float | str]
     normalization: Normalization
     sample_distance: float | None = None
+    quantity: Quantity = Quantity()  # noqa: RUF009 - frozen
 
     @cached_property
     def _field(self) -> EmulatedField:
-        return self.emulator.at(self.point)
+        return replace(self.emulator.at(self.point), quantity=self.quantity)
 
-    def field(self) -> EmulatedField:
-        """The field on its lattice, with standard deviations and measures of it."""
-        return self._field
+    def field(self, shape: ArrayLike | None = None) -> EmulatedField:
+        """The field on its lattice, or on `shape` (Z, Y, X) samples over the same box; see `EmulatedField.resampled`."""
+        return self._field if shape is None else self._field.resampled(shape)
 
     @cached_property
     def _caster(self) -> VolumeCaster | SurfaceCaster:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -23,8 +23,8 @@ from catalogs.vocabulary.appearance import (
 )
 from catalogs.vocabulary.parameters import ParameterSpace
 from catalogs.vocabulary.variations import Variation, variation_from_json
-from catalogs.vocabulary.words import one_line
-from surrogate.emulation import EmulatedFields
+from catalogs.vocabulary.words import joined_names, one_line
+from surrogate.emulation import EmulatedField, EmulatedFields
 from surrogate.gaussians import Normalization
 from surrogate.model.emulated_member import EmulatedMember
 from surrogate.model.places import separated
@@ -108,15 +108,35 @@ class FieldModel:
 
     def member(self, point: FieldPoint) -> EmulatedMember:
         """The ensemble there."""
-        emulator = self.emulators[field_of(point.appearance)]
+        name = field_of(point.appearance)
         return EmulatedMember(
-            emulator,
+            self.emulators[name],
             point.simulation,
             point.appearance,
             point.parameters,
             self.normalization,
             point.sample_distance,
+            self.emulators.quantity(name),
         )
+
+    def fields(self, parameters: Mapping[str, Any], named: Sequence[str] = ()) -> list[EmulatedField]:
+        """All fields at the simulation's parameters, or those `named`, by themselves or by appearances that show them.
+
+        Raises ValueError for unknown names, and for parameters as `point` does.
+        """
+        place, _ = separated(self.space, (), parameters, "allow")
+        return [self.emulators.field(name, place.simulation) for name in self._named(named)]
+
+    def labels(self, named: Sequence[str] = ()) -> list[str]:
+        """Names and units of the same fields."""
+        return [str(self.emulators.quantity(name)) or "the field" for name in self._named(named)]
+
+    def _named(self, named: Sequence[str]) -> list[str]:
+        known = {a.name: field_of(a) for a in self.appearances} | {name: name for name in self.emulators}
+        if unknown := [name for name in named if name not in known]:
+            names = joined_names(filter(None, known))
+            raise ValueError(f"no field of {joined_names(unknown)} is emulated, only of {names}")
+        return list(dict.fromkeys(known[name] for name in named) or self.emulators)
 
     @property
     def megabytes(self) -> float:

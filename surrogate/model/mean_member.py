@@ -49,9 +49,9 @@ class MeanMember:
         """The field and its standard deviation at world places (N, 3); see `EmulatedMember.sample`."""
         return self.emulated.sample(places)
 
-    def field(self) -> Any:
+    def field(self, shape: ArrayLike | None = None) -> Any:
         """The emulated field; see `EmulatedMember.field`."""
-        return self.emulated.field()
+        return self.emulated.field(shape)
 
     @property
     def contents(self) -> list[tuple[str, str]]:

@@ -56,15 +56,26 @@ SIZE = click.option(
     help="Of a second picture, elsewhere like the first: a PNG of both and their difference; 'stored' takes the catalog's picture.",
 )
 @click.option(
-    "-o", "--output", required=True, type=click.Path(path_type=Path), help="FILE.png, .exr or .ply; a folder names it."
+    "-a",
+    "--appearance",
+    multiple=True,
+    metavar="NAME",
+    help="Write the field that this appearance shows; repeatable.  [default: all fields]",
+)
+@click.option(
+    "-o",
+    "--output",
+    required=True,
+    type=click.Path(path_type=Path),
+    help="FILE.png, .exr, .ply or .vti; a folder names a picture.",
 )
 def export(run: Path, output: Path, **options: Any) -> None:
-    """Write what the surrogate in RUN (such as runs/tgv) shows: a picture, or its Gaussians as PLY for other viewers.
+    """Write what the surrogate in RUN (such as runs/tgv) shows: a picture, its Gaussians as PLY, or its emulated fields as VTI.
 
     PNG has 8 bits and straight alpha, EXR 32 and premultiplied alpha; both keep how they were made, and what error to expect, if
-    the explorer has measured it.
+    the explorer has measured it.  VTI, which ParaView opens, has the fields' units and standard deviations.
     """
-    _write(run, output, ("png", "exr", "ply"), options)
+    _write(run, output, ("png", "exr", "ply", "vti"), options)
 
 
 @click.command()
@@ -106,6 +117,10 @@ def _write(folder: Path, output: Path, kinds: Sequence[str], options: Mapping[st
         kind = kinds[0] if is_folder else endings.get(output.suffix.lower())
         if kind is None:
             raise ValueError(f"the file must end with one of {', '.join(endings)}, got {output.name}")
+        if options.get("appearance") and kind != "vti":
+            raise ValueError(
+                f"-a names fields of a .vti file, got {output.name}: -p appearance=NAME draws another appearance"
+            )
         if options.get("compare") and kind != "png":
             raise ValueError(f"a comparison is a PNG, got {output.name}")
         if not output.parent.is_dir():

@@ -16,6 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catalogs.vocabulary.cameras import Camera
+from catalogs.vocabulary.words import joined_names
+from surrogate.emulation.exports import vti_bytes
 from surrogate.evaluation.metrics import WHITE, composite
 from surrogate.explore.exporting.comparison import comparison
 from surrogate.explore.exporting.films import film_bytes
@@ -30,8 +32,9 @@ from surrogate.explore.reliability.expectation import Expectation, Expected
 from surrogate.explore.reliability.truth import Truth
 from surrogate.explore.request import Color, MessageError, frame_request
 from surrogate.explore.run import Run
-from surrogate.explore.setting import Setting
+from surrogate.explore.setting import Setting, listed
 from surrogate.model import DeformedGaussians
+from surrogate.model.deformed import NO_FIELD
 from surrogate.model.representation import GAUSSIANS
 
 Progress = Callable[..., Any]
@@ -74,6 +77,23 @@ class GaussiansRequest:
 
     def summary(self, run: Run) -> str:
         return f"{len(run.surrogate.gaussians):,} Gaussians, {self.setting.described(run.origins)}"
+
+
+@dataclass(frozen=True, eq=False)
+class FieldsRequest:
+    """Emulated fields with their standard deviations as VTK image data: all, or those `named`, see `FieldModel.fields`."""
+
+    setting: Setting
+    named: tuple[str, ...] = ()
+
+    def content(self, run: Run, progress: Progress, expectation: Expectation | None = None) -> bytes:
+        if run.surrogate.field is None:
+            raise ValueError(NO_FIELD)
+        return vti_bytes(run.surrogate.field.fields(self.setting.parameters, self.named))
+
+    def summary(self, run: Run) -> str:
+        labels = [] if run.surrogate.field is None else run.surrogate.field.labels(self.named)
+        return f"{joined_names(labels)} with standard deviations, {listed(self.setting.parameters)}"
 
 
 @dataclass(frozen=True, eq=False)
@@ -193,7 +213,7 @@ class Export:
     content: bytes
 
 
-CommandRequest = PictureRequest | GaussiansRequest | ComparisonRequest | SheetRequest | FilmRequest
+CommandRequest = PictureRequest | GaussiansRequest | FieldsRequest | ComparisonRequest | SheetRequest | FilmRequest
 Request = CommandRequest | CodeRequest
 
 
@@ -220,6 +240,8 @@ def from_message(message: Any, run: Run) -> Request:
         raise MessageError(f"kind must be one of {', '.join(KINDS)}, got {str(kind)[:40]!r}")
     if kind == "ply":
         return GaussiansRequest(frame.settings[0])
+    if kind == "vti":
+        return FieldsRequest(frame.settings[0])
     if kind == "python":
         return CodeRequest(*arguments)
     if kind in ("png", "exr"):

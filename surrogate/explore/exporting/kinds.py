@@ -9,6 +9,7 @@ KINDS = {  # the ending of a file and its media type, by the kind of export
     "png": ("png", "image/png"),
     "exr": ("exr", "image/x-exr"),
     "ply": ("ply", "application/octet-stream"),
+    "vti": ("vti", "application/xml"),
     "python": ("py", "text/x-python"),
     "comparison": ("png", "image/png"),
     "sheet": ("png", "image/png"),

@@ -15,6 +15,7 @@ from surrogate.evaluation.metrics import WHITE
 from surrogate.explore.exporting.exports import (
     CommandRequest,
     ComparisonRequest,
+    FieldsRequest,
     FilmRequest,
     GaussiansRequest,
     PictureRequest,
@@ -42,6 +43,8 @@ def from_options(options: Mapping[str, Any], kind: Any, run: Run) -> CommandRequ
     setting = _setting(run, options["parameters"], options["color_map"], like, options["using"])
     if kind == "ply":
         return GaussiansRequest(setting)
+    if kind == "vti":
+        return FieldsRequest(setting, tuple(options["appearance"]))
     camera = camera or _view(run, options["view"])
     if options["size"]:
         camera = camera.resized(*_pixels(options["size"], camera))

@@ -3,8 +3,8 @@
 import { exported } from "./connection.js";
 import { button, element, menu, section } from "../web/elements.js";
 
-const GAUSSIANS = "ply";
-const PICTURES = { png: "PNG, parameters inside", exr: "EXR, parameters inside", [GAUSSIANS]: "Gaussians, 3DGS .ply", python: "Python that draws it" };
+const GAUSSIANS = "ply", FIELDS = "vti";
+const PICTURES = { png: "PNG, parameters inside", exr: "EXR, parameters inside", [GAUSSIANS]: "Gaussians, 3DGS .ply", [FIELDS]: "Fields, VTK .vti", python: "Python that draws it" };
 const COMPARISONS = { comparison: "Comparison, PNG" };
 const SWEEPS = { sheet: "Sheet, PNG", gif: "Animation, GIF", mp4: "Film, MP4" };
 const SCALES = [1, 2];
@@ -14,13 +14,14 @@ export function exportPanel(explorer) {
   const say = text => explorer.say(text), { mode } = explorer.state;
   const offered = { ...(mode === "sweep" ? SWEEPS : mode === "compare" ? COMPARISONS : {}), ...PICTURES };
   if (!explorer.facts.model.gaussians) delete offered[GAUSSIANS];
+  if (!explorer.facts.model.representations.some(({ name }) => name === "field")) delete offered[FIELDS];
   const kinds = menu("As", "export-kind", undefined, Object.entries(offered), () => resize());
   const sizes = menu("Size", "export-scale", undefined, []), chosen = box => box.querySelector("select");
   function resize() {
-    const kind = chosen(kinds).value, scale = chosen(sizes).value, fixed = kind === GAUSSIANS || (kind === "comparison" && explorer.state.against === "truth");
+    const kind = chosen(kinds).value, scale = chosen(sizes).value, data = kind === GAUSSIANS || kind === FIELDS, fixed = data || (kind === "comparison" && explorer.state.against === "truth");
     const options = (fixed ? [1] : SCALES).map(times => element("option", { value: times, selected: String(times) === scale }, explorer.exportSize(kind, times).join("×")));
     chosen(sizes).replaceChildren(...options);
-    sizes.hidden = kind === GAUSSIANS;
+    sizes.hidden = data;
   }
   resize();
   chosen(sizes).onfocus = resize; // the window may have changed
