@@ -215,7 +215,6 @@ def test_the_model_and_its_background(surrogate: Surrogate) -> None:
     assert told["model"]["gaussians"] == len(surrogate.gaussians)
     assert told["model"]["megabytes"] == pytest.approx(surrogate.megabytes)
     assert told["model"]["seconds"] == 1.0
-    assert told["model"]["hasFields"] is False
 
 
 def test_names_from_outside_stay_plain_strings() -> None:
