@@ -132,11 +132,11 @@ class FieldModel:
         return [str(self.emulators.quantity(name)) or "the field" for name in self._named(named)]
 
     def _named(self, named: Sequence[str]) -> list[str]:
-        known = {a.name: field_of(a) for a in self.appearances} | {name: name for name in self.emulators}
-        if unknown := [name for name in named if name not in known]:
-            names = joined_names(filter(None, known))
+        fields = {a.name: field_of(a) for a in self.appearances} | {name: name for name in self.emulators}
+        if unknown := [name for name in named if name not in fields]:
+            names = joined_names(filter(None, fields))
             raise ValueError(f"no field of {joined_names(unknown)} is emulated, only of {names}")
-        return list(dict.fromkeys(known[name] for name in named) or self.emulators)
+        return list(dict.fromkeys(fields[name] for name in named) or self.emulators)
 
     @property
     def megabytes(self) -> float:
