@@ -15,8 +15,8 @@ from catalogs.vocabulary.quantity import Quantity
 from surrogate.emulation import EmulatedField, FieldEmulator
 from surrogate.gaussians import Normalization
 from surrogate.model.deformed import checked_background, named, over
-from surrogate.notebook import member_html
-from surrogate.ray_casting import SampledField, SurfaceCaster, VolumeCaster
+from surrogate.notebook import first_camera, member_html
+from surrogate.ray_casting import SampledField, SurfaceCaster, VolumeCaster, fitting_distance
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,7 +28,7 @@ class EmulatedMember:
     Attributes
     ----------
     point : (P,) normalized simulation parameters.
-    sample_distance : along rays through a volume, world units; None for half the smallest spacing.
+    sample_distance : along rays through a volume, world units; None for what the appearance needs.
     quantity : the field's name and unit.
     """
 
@@ -53,7 +53,9 @@ class EmulatedMember:
         field = self._field
         samples = SampledField(field.values, field.holes, field.spacing, field.origin)
         if isinstance(self.appearance, VolumeRendering):
-            return VolumeCaster.of(samples, self.appearance, sample_distance=self.sample_distance)
+            camera = first_camera(self.normalization)
+            distance = self.sample_distance or fitting_distance(samples, self.appearance, camera)
+            return VolumeCaster.of(samples, self.appearance, sample_distance=distance)
         return SurfaceCaster.of(samples, self.appearance)
 
     def render(self, camera: Camera, *, background: Sequence[float] | None = None) -> NDArray[np.float32]:

@@ -43,7 +43,7 @@ class FieldPoint:
     parameters : by name, in their units.
     simulation : (P,) normalized.
     warnings : a sentence about each parameter that is out of bounds.
-    sample_distance : along rays through a volume, world units; None for half the smallest spacing.
+    sample_distance : along rays through a volume, world units; None for what the appearance needs.
     """
 
     parameters: Mapping[str, float | str]
@@ -103,7 +103,7 @@ class FieldModel:
             raise ValueError(f"appearance {appearance.name} can't be drawn from the emulated field")
         names = place.parameters if varied is None else {**place.parameters, **varied.parameters}
         warnings = place.warnings + (() if varied is None else varied.warnings)
-        distance = self.sample_distances.get(appearance.name)
+        distance = None if function is not None else self.sample_distances.get(appearance.name)
         return FieldPoint(names, place.simulation, appearance, warnings, distance)
 
     def member(self, point: FieldPoint) -> EmulatedMember:
