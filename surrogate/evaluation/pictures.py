@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from threading import Lock
 from typing import Any, Protocol
 
 from numpy.typing import NDArray
@@ -32,6 +33,7 @@ class DecodedImages:
     catalog: Catalog
     most_bytes: int = MOST_BYTES
     decoded: dict[tuple[str, str, int, str], NDArray[Any]] = field(default_factory=dict, repr=False)
+    _changing: Lock = field(default_factory=Lock, repr=False)
 
     @property
     def plan(self) -> CatalogPlan:
@@ -49,6 +51,7 @@ class DecodedImages:
         return pixels if dtype_on_disk == dtype else to_float(pixels)
 
     def _keep(self, key: tuple[str, str, int, str], pixels: NDArray[Any]) -> None:
-        self.decoded[key] = pixels
-        while len(self.decoded) * pixels.nbytes > self.most_bytes:  # those of a catalog are about equally large
-            self.decoded.pop(next(iter(self.decoded)), None)
+        with self._changing:
+            self.decoded[key] = pixels
+            while len(self.decoded) * pixels.nbytes > self.most_bytes:  # those of a catalog are about equally large
+                self.decoded.pop(next(iter(self.decoded)))

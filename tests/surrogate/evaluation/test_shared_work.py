@@ -1,6 +1,8 @@
 """Work that an evaluation shares between scores gives what each score alone would."""
 
+import sys
 from collections.abc import Mapping
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -72,6 +74,21 @@ def test_decoded_images_are_the_catalogs_and_do_not_grow(catalog: Catalog, most:
                     assert np.array_equal(found, catalog.image(member, "drawn", view, dtype=dtype))
                     assert sum(image.nbytes for image in images.decoded.values()) <= most
     assert len(images.decoded) == min(2 * len(catalog.members), most // (16 * 16 * 4))
+
+
+def test_threads_share_decoded_images(catalog: Catalog, monkeypatch: pytest.MonkeyPatch) -> None:
+    image = np.zeros((16, 16, 4), np.uint8)
+    monkeypatch.setattr(Catalog, "image", lambda *_, **__: image)
+    images, member = DecodedImages(catalog, 3 * image.nbytes), catalog.members[0]
+    before = sys.getswitchinterval()
+    sys.setswitchinterval(1e-6)
+    try:
+        with ThreadPoolExecutor(4) as pool:
+            for read in pool.map(lambda view: images.image(member, "drawn", view), range(20_000)):
+                assert read is image
+    finally:
+        sys.setswitchinterval(before)
+    assert len(images.decoded) == 3
 
 
 @pytest.mark.parametrize("values", [1, 2**24], ids=["one by one", "together"])
