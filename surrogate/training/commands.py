@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 from collections.abc import Iterator
 from functools import partial
+from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -149,15 +150,17 @@ def _fit_emulator(opened: OpenRun, ranks: Ranks) -> None:
 
 def _notes(opened: OpenRun, is_finished: bool) -> Iterator[str]:
     """Sentences on the catalog of a run; raises ValueError where it can't be learnt."""
-    from surrogate.training.messages import starting, tests_line
+    from surrogate.training.messages import grown_line, starting, tests_line
     from surrogate.training.requirements import require_possible
     from surrogate.training.source import Source
 
+    appearance = opened.settings.appearance or opened.catalog.appearance_names[0]
+    grown = grown_line(opened.catalog, appearance, opened.folder)
     if is_finished:
-        return filter(None, [tests_line(opened.catalog)])
+        return filter(None, [tests_line(opened.catalog), grown])
     source = Source(opened.settings, opened.catalog)
     require_possible(source, opened.folder)
-    return starting(source)
+    return chain(filter(None, [grown]), starting(source))
 
 
 def _is_finished(opened: OpenRun, *, only_field: bool) -> bool:

@@ -5,13 +5,14 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from functools import partial
+from itertools import count
 from pathlib import Path
 
 from catalogs.store.catalog import Catalog, CatalogPlan
 from catalogs.store.splits import ordered_names, runs_of, shared_runs
 from catalogs.vocabulary.appearance import Appearance, Isosurface, VolumeRendering, field_of
 from catalogs.vocabulary.variations import Variation
-from catalogs.vocabulary.words import FEWEST_LEARNT, joined_names, shortened
+from catalogs.vocabulary.words import FEWEST_LEARNT, joined_names, plural, shortened
 from surrogate.evaluation.cases import Case, base_cells
 from surrogate.evaluation.predictor import SurrogatePredictor
 from surrogate.evaluation.scoring import mean, score_cases, spread
@@ -108,6 +109,21 @@ def absent_line(catalog: Catalog, appearance: str) -> str:
     return (
         f"not all members of {catalog.path} are there to learn from ({said}): to finish them, run the command that rendered "
         f"them again; `catalogs show {catalog.path}` lists them"
+    )
+
+
+def grown_line(catalog: Catalog, appearance: str, folder: Path) -> str:
+    """A sentence on members that were rendered after the run in `folder` began, and how to learn from them; "" without any."""
+    names = sorted(
+        {path.name for path in catalog.member_paths()} - set(catalog.splits.members if catalog.splits else ())
+    )
+    more = sum(appearance in catalog.member(name).appearances for name in names) if catalog.splits else 0
+    if not more:
+        return ""
+    free = next(place for n in count(2) if not (place := folder.with_name(f"{folder.name}-{n}")).exists())
+    return (
+        f"{plural(more, 'member')} of {catalog.path} came after this run began: `surrogate train {catalog.path} -o {free}` begins "
+        "a run with them"
     )
 
 
