@@ -26,6 +26,7 @@ from surrogate.storage import models
 from surrogate.storage.names import joined, part_of
 
 MOST_FIELDS = 256
+SAME_PLACE = 1e-3  # of a spacing, by which places may be rounded
 
 
 @dataclass(frozen=True, eq=False)
@@ -151,9 +152,8 @@ def _emulator(
 ) -> FieldEmulator:
     """Of one field, by the members that have it."""
     first = having[0][1]
-    grid = (first.values.shape, first.spacing, first.origin)
     for member, coarse in having:
-        if coarse.values.shape != grid[0] or not np.allclose((coarse.spacing, coarse.origin), grid[1:], rtol=1e-6):
+        if not _alike(coarse, first):
             raise ValueError(
                 f"the coarse field {name!r} of {member.name} has {_grid(coarse)}, that of {having[0][0].name} {_grid(first)}: "
                 "an emulator needs one grid for all members"
@@ -161,6 +161,15 @@ def _emulator(
     parameters = [[member.parameters[parameter] for parameter in space.names] for member, _ in having]
     points = space.normalize(np.reshape(parameters, (len(having), len(space))))
     return FieldEmulator.fit(points, np.stack([c.values for _, c in having]), first.spacing, first.origin, scale)
+
+
+def _alike(coarse: CoarseField, first: CoarseField) -> bool:
+    """True if the samples of two fields lie at the same places, but for rounding."""
+    if coarse.values.shape != first.values.shape:
+        return False
+    spacing, origin = np.array(first.spacing), np.array(first.origin)
+    last = (np.array(coarse.spacing) - spacing) * first.values.shape[::-1]
+    return bool((np.abs([coarse.origin - origin, last]) <= SAME_PLACE * spacing).all())
 
 
 def _grid(coarse: CoarseField) -> str:

@@ -139,10 +139,12 @@ def _train(opened: OpenRun, ranks: Ranks, *, only_field: bool) -> None:
 
 def _fit_emulator(opened: OpenRun, ranks: Ranks) -> None:
     """Fit the emulator of the catalog's coarse fields, where it keeps them, and say how well it predicts."""
-    from surrogate.training.emulator import described, lacking
+    from surrogate.storage.checkpoints import fingerprint
+    from surrogate.training.emulator import described, with_emulator
     from surrogate.training.source import Source
 
-    sentence = ranks.by_first(lambda: lacking(Source(opened.settings, opened.catalog)))
+    source, mark = Source(opened.settings, opened.catalog), fingerprint(opened.settings, opened.catalog)
+    sentence = ranks.by_first(lambda: with_emulator(source, opened.model, mark))
     scores = None if sentence else _trained(opened, ranks, only_field=True)[0].scores
     for text in (described(scores) if scores else [f"no emulated field: {sentence}"]) if ranks.is_first else ():
         click.echo(f"  {text}", err=True)

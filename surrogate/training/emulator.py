@@ -12,6 +12,7 @@ import numpy as np
 
 from catalogs.store.catalog import Catalog, Member
 from catalogs.vocabulary.appearance import Appearance, Isosurface, VolumeRendering, field_of
+from catalogs.vocabulary.words import joined_names
 from surrogate.appearance.scale import ValueScale
 from surrogate.emulation import EmulatedFields
 from surrogate.emulation.fitting import FEWEST
@@ -24,6 +25,11 @@ from surrogate.model.representation import BOTH, FIELD, FUNCTION, GAUSSIANS, VIE
 from surrogate.provenance import code, commit
 from surrogate.training.other_functions import scores_under_other_functions
 from surrogate.training.source import Source
+
+
+class NoEmulator(ValueError):
+    """No emulator of a catalog's coarse fields can be fitted; the message says why."""
+
 
 MOST_SCORED = 48  # validation images of each kind
 TIMED = 7  # pictures
@@ -43,33 +49,40 @@ def lacking(source: Source) -> str:
     appearances = drawable(source)
     if not appearances:
         return f"{source.appearance} shows pictures of another program, of which no field is known"
+    names = {setting.appearance for variation in source.variations for setting in variation.settings}
+    if strange := sorted(names - {a.name for a in appearances}):
+        return f"{joined_names(strange)} shows pictures of another program, of which no field is known"
     members = [m for m in source.catalog.members if m.split == "train"]
-    having = sum(m.coarse_field(field_of(source.target)) is not None for m in members)
-    if having >= FEWEST:
-        return ""
     if len(members) < FEWEST:
         return f"it takes {FEWEST} members or more to learn from"
-    return (
-        f"{having or 'none'} of {len(members)} members to learn from keep a coarse field: `insitu dataset` or "
-        "`insitu ensemble` with --add-coarse-fields adds them where the data still exist"
-    )
+    for name in dict.fromkeys(map(field_of, appearances)):
+        having = sum(name in m.coarse_fields() for m in members)
+        if having < FEWEST:
+            return (
+                f"{having or 'none'} of {len(members)} members to learn from keep a coarse field{name and f' of {name}'}: "
+                "`insitu dataset` or `insitu ensemble` with --add-coarse-fields adds them where the data still exist"
+            )
+    return ""
 
 
 def fit(source: Source, fingerprint: str) -> FieldModel:
     """The emulator of each field, fitted to the members for training.
 
-    Raises ValueError where too few members keep coarse fields, or they lie on different lattices.
+    Raises NoEmulator where too few members keep coarse fields, or they lie on different lattices.
     """
     if sentence := lacking(source):
-        raise ValueError(f"{source.catalog.path}: {sentence}")
+        raise NoEmulator(f"{source.catalog.path}: {sentence}")
     started, processor = time.perf_counter(), time.process_time()
     appearances = drawable(source)
     volumes = [a for a in reversed(appearances) if isinstance(a, VolumeRendering)]
     scales = {field_of(a): ValueScale.of_function(a.transfer_function) for a in volumes}
-    emulators = EmulatedFields.fit(source.catalog, scales)
+    try:
+        emulators = EmulatedFields.fit(source.catalog, scales)
+    except ValueError as error:
+        raise NoEmulator(f"{source.catalog.path}: {error}") from error
     return FieldModel(
         emulators,
-        tuple(a for a in appearances if field_of(a) in emulators),
+        appearances,
         source.variations,
         source.normalization,
         source.catalog.plan.background,
@@ -110,18 +123,24 @@ def compared(surrogate: Surrogate, catalog: Catalog) -> RepresentationScores:
     return RepresentationScores(psnr, surrogate.sizes, speeds(surrogate, catalog.members))
 
 
-def with_emulator(source: Source, directory: Path, fingerprint: str, *, required: bool = False) -> None:
-    """Fit and keep the emulator of a run in `directory`, where it has none and one can be fitted.
+def with_emulator(source: Source, directory: Path, fingerprint: str, *, required: bool = False) -> str:
+    """Fit and keep the emulator of a run in `directory`, where it has none; a sentence where none can be fitted, else "".
 
-    Raises ValueError where one is `required` and can't be, and where `directory` holds that of another run.
+    Raises NoEmulator where one is `required` and can't be, ValueError where `directory` holds that of another run.
     """
     if FieldModel.exists(directory):
         if FieldModel.load(directory).training.get("fingerprint") != fingerprint:
             raise ValueError(
                 f"{directory} holds the emulator of another run: delete that folder, or train into another one"
             )
-    elif required or not lacking(source):
+        return ""
+    try:
         fit(source, fingerprint).save(directory)
+    except NoEmulator as error:
+        if required:
+            raise
+        return str(error)
+    return ""
 
 
 def keep_comparison(surrogate: Surrogate, catalog: Catalog, directory: Path) -> None:
