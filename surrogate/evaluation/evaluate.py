@@ -20,6 +20,7 @@ from surrogate.evaluation.cases import (
     variation_cells,
     variation_validation,
 )
+from surrogate.evaluation.numbers import FieldNumbers, numbers_of
 from surrogate.evaluation.perceptual import PerceptualMetrics
 from surrogate.evaluation.pictures import DecodedImages, Images
 from surrogate.evaluation.predictor import Predictor, SurrogatePredictor
@@ -55,12 +56,14 @@ class Baseline:
         by column of `PARAMETERS`; and "validation".
     degrees : largest angle between a view and the stored view that stands in for it.
     settings : per column, the fewest and the most trained settings of a predicted member.
+    representation : of the surrogate, that it draws; "" for other predictors.
     """
 
     name: str
     scores: Mapping[str, Sequence[Scored]] = field(repr=False)
     degrees: float = 0.0
     settings: Mapping[str, tuple[int, int]] = field(default_factory=dict)
+    representation: str = ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,6 +109,7 @@ class Evaluation:
     unavailable : the reason why a perceptual metric is missing on this machine, by its name.
     at_center : the same cells for the surrogate frozen at the centre of its parameters, which shows the value of
         parameter dependence; empty without parameters.
+    numbers : errors of emulated fields at test members; empty without an emulator.
     """
 
     cells: Cells = field(repr=False)
@@ -115,6 +119,7 @@ class Evaluation:
     variations: Sequence[VariedEvaluation] = ()
     unavailable: Mapping[str, str] = field(default_factory=dict)
     at_center: Cells = field(default_factory=dict, repr=False)
+    numbers: Sequence[FieldNumbers] = ()
 
 
 @one_torch_thread()
@@ -134,7 +139,13 @@ def evaluate(surrogate: Surrogate, catalog: Catalog, *, progress: Report = lambd
         [engine.variation(variation) for variation in surrogate.variations],
         engine.perceptual.unavailable,
         engine.at_center(AT_CENTER, cells),
+        engine.numbers(),
     )
+
+
+def measured_row(variation: Variation) -> str:
+    """The row of `SETTINGS` by which predictors are compared: all settings of a field are trained, so none is unseen."""
+    return "unseen_settings" if variation.continuous else "seen_settings"
 
 
 @dataclass(frozen=True, eq=False)
@@ -189,17 +200,19 @@ class _Engine:
 
     def other_representations(self, kind: str, groups: CaseGroups) -> list[Baseline]:
         """Scores of the representations that the surrogate holds besides the one that draws it."""
-        drawn_by = self.surrogate.representation(kind)
-        predictors = [
-            SurrogatePredictor(
-                partial(self.surrogate.using(name).at, outside="allow"),
-                self.catalog.plan.background,
-                names=(REPRESENTED[name],),
-            )
-            for name in self.surrogate.representations
-            if name != drawn_by
-        ]
-        return [baseline for p in predictors for baseline in self.baselines(f"{p.names[0]}, {kind}", p, groups)]
+        found: list[Baseline] = []
+        for name, megabytes in self.surrogate.sizes.items():
+            if name != self.surrogate.representation(kind):
+                at = partial(self.surrogate.using(name).at, outside="allow")
+                title = f"{REPRESENTED[name]} ({megabytes:.2g} MB)"
+                predictor = SurrogatePredictor(at, self.catalog.plan.background, names=(title,))
+                found += self.baselines(f"{title}, {kind}", predictor, groups, representation=name)
+        return found
+
+    def numbers(self) -> list[FieldNumbers]:
+        """Errors of what the emulator says of test members' fields."""
+        field, progress = self.surrogate.field, partial(self.progress, "numbers of emulated fields")
+        return [] if field is None else numbers_of(field.emulators, self.catalog.members, progress)
 
     def variation(self, variation: Variation) -> VariedEvaluation:
         """Scores of the surrogate under one variation."""
@@ -213,7 +226,7 @@ class _Engine:
         )
         milliseconds = {"visualization_change": change, "view_change": view}
         frozen = self.at_center(f"{AT_CENTER}, {variation.name}", cells)
-        others = self.other_representations(variation.kind, {**cells["unseen_settings"], VALIDATION: judged})
+        others = self.other_representations(variation.kind, {**cells[measured_row(variation)], VALIDATION: judged})
         return VariedEvaluation(
             variation, self._follows(variation), *scored, [*others, *baselines], milliseconds, frozen
         )

@@ -15,6 +15,7 @@ from surrogate.storage.files import opened_inside
 
 GAUSSIANS, FIELD, BOTH = "gaussians", "field", "both"
 REPRESENTATIONS = GAUSSIANS, FIELD, BOTH
+DRAWN = {GAUSSIANS: "by its Gaussians", FIELD: "from its emulated field", BOTH: "as the mean of both"}
 WORDS = {GAUSSIANS: "Gaussians", FIELD: "emulated field", BOTH: "mean of both"}
 # Pictures of the base appearance; under another transfer function, at an isovalue, of another field (the kinds of variations).
 VIEW, FUNCTION = "view", "transfer_function"

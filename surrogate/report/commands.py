@@ -77,6 +77,7 @@ def _dataset_seconds(folder: Path) -> float | None:
 
 def _summary(report: Mapping[str, Any]) -> Iterator[str]:
     from surrogate.evaluation.tables import terminal_line
+    from surrogate.report.emulated import numbers_lines
     from surrogate.report.page import empty_line
     from surrogate.report.variations import variation_line
     from surrogate.training.messages import UNKNOWN
@@ -95,3 +96,4 @@ def _summary(report: Mapping[str, Any]) -> Iterator[str]:
         if value is not None:
             yield f"{entry['name']:<38.38} {value:6.2f} dB   (unseen views, unseen parameters)"
     yield from map(variation_line, report["variations"])
+    yield from numbers_lines(report)

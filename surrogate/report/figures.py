@@ -17,6 +17,7 @@ from surrogate.evaluation.cases import PARAMETERS
 from surrogate.evaluation.evaluate import Evaluation, VariedEvaluation
 from surrogate.evaluation.scoring import Cells, Scored
 from surrogate.model import Surrogate
+from surrogate.model.representation import DRAWN, VIEW
 from surrogate.report.sheets import chosen, draw_sheet
 
 RESOLUTION = 130
@@ -55,7 +56,9 @@ def _sheet(
     """Draw the "worst", "median" or "best" of the last cell that has images, where most is unseen, else of validation images."""
     label, scored = list({"validation": part.validation, **_groups(part.cells)}.items())[-1]
     if scored:
-        title = f"{label.capitalize()}: {len(scored)} images"
+        kind = part.variation.kind if isinstance(part, VariedEvaluation) else VIEW
+        drawn = "" if surrogate.field is None else f", drawn {DRAWN[surrogate.representation(kind)]}"
+        title = f"{label.capitalize()}: {len(scored)} images{drawn}"
         draw_sheet(figure, title, chosen(scored, names), surrogate, catalog)
     return bool(scored)
 

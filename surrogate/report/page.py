@@ -21,7 +21,9 @@ from surrogate.evaluation.tables import (
     timing_row,
     validation_line,
 )
+from surrogate.model.representation import FIELD
 from surrogate.provenance import in_words
+from surrogate.report.emulated import numbers_section, own_name, representations_section
 from surrogate.report.variations import variation_section
 
 
@@ -39,6 +41,8 @@ def page(record: Mapping[str, Any], pictures: Mapping[str, str]) -> str:
         *center_table(record, ("views", "parameters")),
         "## Beside trivial predictors",
         *_baselines(record),
+        *representations_section(record),
+        *numbers_section(record),
         "## How fast, how large",
         _costs(record),
         *(block for varied in record["variations"] for block in variation_section(varied, record["unavailable"])),
@@ -78,7 +82,7 @@ def _baselines(record: Mapping[str, Any]) -> list[str]:
         psnr, other = (one["psnr"]["unseen_views"]["unseen_parameters"] for one in (record, entry))
         return "" if entry is own else signed_number(lead(psnr, other))
 
-    own, unseen = {**record, "name": "**surrogate**"}, ("unseen_views", "unseen_parameters")
+    own, unseen = {**record, "name": own_name(record)}, ("unseen_views", "unseen_parameters")
     borrowed = max(entry["borrowed_view_degrees"] for entry in entries)
     return [
         "At unseen parameters.  The predictors may use every view of the training members, also those unseen here; "
@@ -122,11 +126,16 @@ def _costs(record: Mapping[str, Any]) -> str:
         [
             ("making the data set", f"{number(seconds['dataset'], 0)} s"),
             ("training", f"{number(seconds['train'], 0)} s{processor}, {steps} steps"),
-            ("model", f"{record['gaussians']:,} Gaussians, {record['model_megabytes']:.2f} MB"),
+            ("model", f"{record['gaussians']:,} Gaussians, {record['model_megabytes']:.2f} MB{_emulator_size(record)}"),
             timing_row(record, "parameter_change", "a parameter change"),
             timing_row(record, "view_change", "a view change"),
         ],
     )
+
+
+def _emulator_size(record: Mapping[str, Any]) -> str:
+    drawn = record.get("representations")
+    return "" if drawn is None else f"; emulated fields, {drawn['megabytes'][FIELD]:.2f} MB"
 
 
 def _needs(record: Mapping[str, Any]) -> list[str]:

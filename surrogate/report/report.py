@@ -12,8 +12,10 @@ from catalogs.store.catalog import Catalog
 from surrogate.evaluation.evaluate import Evaluation
 from surrogate.evaluation.perceptual import PerceptualMetrics
 from surrogate.model import Surrogate
+from surrogate.model.representation import VIEW
 from surrogate.report import figures
 from surrogate.report.decided import decided_on
+from surrogate.report.emulated import drawn_words, numbers_record, representations_record
 from surrogate.report.page import page
 from surrogate.report.summary import fingerprint, summarize
 from surrogate.storage.records import read_json
@@ -41,9 +43,12 @@ def write_report(
     record = summarize(scene, surrogate, evaluation, dataset_seconds=dataset_seconds)
     variations = surrogate.variations
     learnt = learnt_line(catalog.plan, str(surrogate.training["appearance"]), variations)
+    record["representations"] = representations_record(surrogate, catalog, evaluation)
+    record["numbers"] = numbers_record(evaluation)
     record["ensemble"] = {"learnt": learnt, "members": members_line(catalog), "tests": tests_line(catalog)}
     for part, varied in zip((record, *record["variations"]), (None, *variations), strict=True):
         part["decided_on"] = decided_on(surrogate, catalog, varied)
+        part["drawn"] = drawn_words(surrogate, VIEW if varied is None else varied.kind)
     durable.make_folder(directory.parent)
     durable.remove_abandoned(directory.parent)
     partial, retired = durable.partial_name(directory), durable.partial_name(directory)

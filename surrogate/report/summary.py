@@ -17,7 +17,7 @@ from surrogate.evaluation.trivial.settings import TrainedSettings
 from surrogate.model import Surrogate
 from surrogate.provenance import commit, machine
 
-CONTENTS = 2  # what else stands in a report; the scores, and what is kept of seeds, change with VERSION alone
+CONTENTS = 3  # what else stands in a report; the scores, and what is kept of seeds, change with VERSION alone
 
 
 def fingerprint(surrogate: Surrogate, unavailable: Iterable[str]) -> str:
@@ -84,6 +84,7 @@ def _at_center(part: Evaluation | VariedEvaluation, middle: Mapping[str, float])
 def _member_baseline(baseline: Baseline) -> dict[str, Any]:
     return {
         "name": baseline.name,
+        "representation": baseline.representation,
         "borrowed_view_degrees": baseline.degrees,
         **{m: {v: {"unseen_parameters": mean(baseline.scores[v], m)} for v in VIEWS} for m in METRICS},
         "validation": means(baseline.scores[VALIDATION]),
@@ -112,6 +113,7 @@ def _setting_baseline(baseline: Baseline, evaluation: VariedEvaluation) -> dict[
     same = {column: [own[s.target] for s in scored] for column, scored in scores.items()}
     return {
         "name": baseline.name,
+        "representation": baseline.representation,
         "settings_shown": {column: list(span) for column, span in baseline.settings.items()},
         "images": {column: len(scored) for column, scored in scores.items()},
         "lead": {c: lead(mean(same[c], "psnr"), mean(scored, "psnr")) for c, scored in scores.items()},

@@ -25,6 +25,7 @@ from surrogate.evaluation.tables import (
     timing_row,
     validation_line,
 )
+from surrogate.report.emulated import own_name
 
 
 def variation_section(record: Mapping[str, Any], unavailable: Iterable[str]) -> list[str]:
@@ -93,7 +94,7 @@ def _baselines(record: Mapping[str, Any]) -> list[str]:
         return [f"The data set has no unseen {KINDS[record['kind']].plural} that they could predict."]
 
     means = {m: {**record[m]["unseen_settings"], VALIDATION: record[VALIDATION].get(m)} for m in METRICS}
-    own = {"name": "**surrogate**", "settings_shown": {}, "lead": {}, **means}
+    own = {"name": own_name(record), "settings_shown": {}, "lead": {}, **means}
     headings = ("PSNR, unseen parameters", "of the mean error", "of the foreground", "SSIM")
     return [
         table_of(

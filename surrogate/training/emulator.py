@@ -21,7 +21,7 @@ from surrogate.evaluation.predictor import SurrogatePredictor
 from surrogate.evaluation.scoring import mean, score_cases, spread
 from surrogate.model import Surrogate
 from surrogate.model.field_model import FieldModel
-from surrogate.model.representation import BOTH, FIELD, FUNCTION, GAUSSIANS, VIEW, RepresentationScores
+from surrogate.model.representation import DRAWN, FUNCTION, VIEW, RepresentationScores
 from surrogate.provenance import code, commit
 from surrogate.training.other_functions import scores_under_other_functions
 from surrogate.training.source import Source
@@ -180,16 +180,11 @@ def speeds(surrogate: Surrogate, members: Sequence[Member]) -> dict[str, float]:
 def described(scores: RepresentationScores, kind: str = VIEW) -> Iterator[str]:
     """A sentence on what draws an ensemble best, with both representations' scores; nothing where nothing tells."""
     psnr = scores.psnr.get(kind, {})
-    words = {
-        FIELD: "from its emulated field",
-        GAUSSIANS: "by its Gaussians",
-        BOTH: "as the mean of both",
-    }
     best, *others = sorted(psnr, key=lambda name: -psnr[name]) or [""]
     if best:
-        yield f"drawn {'best ' if others else ''}{words[best]}: {_facts(scores, psnr, best)}"
+        yield f"drawn {'best ' if others else ''}{DRAWN[best]}: {_facts(scores, psnr, best)}"
     for name in others:
-        yield f"  {words[name]}: {_facts(scores, psnr, name)}"
+        yield f"  {DRAWN[name]}: {_facts(scores, psnr, name)}"
 
 
 def _facts(scores: RepresentationScores, psnr: Mapping[str, float], name: str) -> str:

@@ -32,15 +32,17 @@ def other_functions(base: TransferFunction, values: NDArray[np.floating]) -> lis
     return [TransferFunction(base.color_points, points, base.opacity_unit_distance) for points in shapes]
 
 
-def scores_under_other_functions(surrogate: Surrogate, catalog: Catalog) -> dict[str, float]:
-    """Mean PSNR (dB) of each representation that can be drawn under any function, on images of validation members.
+def scores_under_other_functions(
+    surrogate: Surrogate, catalog: Catalog, splits: Sequence[str] = (VALIDATION,)
+) -> dict[str, float]:
+    """Mean PSNR (dB) of each representation that can be drawn under any function, on images of members of some splits.
 
-    Nothing where no validation member keeps the field that the base appearance shows, or the base is shaded or an isosurface.
+    Nothing where no such member keeps the field that the base appearance shows, or the base is shaded or an isosurface.
     """
     base = None if surrogate.field is None else surrogate.field.appearances[0]
     if not isinstance(base, VolumeRendering) or base.shaded:
         return {}
-    unseen = [m for m in catalog.members if m.split == VALIDATION and m.coarse_field(field_of(base)) is not None]
+    unseen = [m for m in catalog.members if m.split in splits and m.coarse_field(field_of(base)) is not None]
     some = [unseen[i] for i in spread(len(unseen), MOST_MEMBERS)]
     scores: dict[str, list[float]] = {}
     for member in some:

@@ -30,11 +30,11 @@ from insitu.fields.member_fields import as_fields
 from render import Grid, render_views
 from research.benchmarks.page import DOCS, command_line, fill, made_by, stopwatch, table
 from surrogate.appearance.scale import ValueScale
-from surrogate.emulation import EmulatedField, FieldEmulator, measures
+from surrogate.emulation import EmulatedField, FieldEmulator
+from surrogate.evaluation.numbers import VALUES, number_errors
 
 PAGE, PART = DOCS / "emulation.md", "unseen"
-PLACES, SIDE, SEED = 4_000, 128, 0
-NORMAL = 1.6448536269514722  # half the width of a 90 % interval in standard deviations
+SIDE, SEED = 128, 0
 HEADER = (
     "scene",
     "members",
@@ -125,25 +125,15 @@ def row(name: str, space: ParameterSpace, members: Sequence[Known], appearance: 
     emulator = FieldEmulator.fit(points, fields, first.spacing, first.origin, scale)
     seconds = time.process_time() - started
     level, shown = float(np.nanmedian(fields)), cameras(first, views)
-    lengths = np.array(first.spacing) * (np.array(first.values.shape[::-1]) - 1)
-    places = np.array(first.origin) + np.random.default_rng(SEED).random((PLACES, 3)) * lengths
-    pictures, errors, inside, spent = list[float](), list[float](), list[list[float]](), 0.0
+    pictures, pairs, spent = list[float](), list[tuple[EmulatedField, EmulatedField]](), 0.0
     for member in unseen:
         point = space.normalize(member.parameters)
         started = time.process_time()
         predicted = emulator.at(point)
         spent += time.process_time() - started
-        truth = EmulatedField(member.field.values, member.field.holes, first.spacing, first.origin)
-        found, true = measures.sample(predicted, places), measures.sample(truth, places)
-        off, width = np.abs(found.values - true.values), NORMAL * np.asarray(found.deviations)
-        errors.append(float(np.sqrt(np.nanmean(off**2))) / emulator.spread)
-        statistics, true_ones = (measures.statistics(field, level=level) for field in (predicted, truth))
-        held = [float((off <= width)[~np.isnan(off)].mean())]
-        for number in ("minimum", "maximum", "mean", "share_above"):
-            one, other = getattr(statistics, number), getattr(true_ones, number)
-            held.append(float(abs(one.value - other.value) <= NORMAL * one.deviation))
-        inside.append(held)
+        pairs.append((predicted, EmulatedField(member.field.values, member.field.holes, first.spacing, first.origin)))
         pictures += decibels(member.field, predicted, appearance, shown)
+    errors = number_errors(pairs, emulator.spread, level)
     z, y, x = first.values.shape
     return [
         f"`{name}`",
@@ -154,8 +144,8 @@ def row(name: str, space: ParameterSpace, members: Sequence[Known], appearance: 
         f"{emulator.megabytes:.1f}",
         f"{1e3 * spent / len(unseen):.0f}",
         f"{np.mean(pictures):.1f} / {np.min(pictures):.1f}",
-        f"{emulator.relative_error:.3f} / {np.mean(errors):.3f}",
-        " / ".join(f"{100.0 * share:.0f}" for share in np.mean(inside, axis=0)),
+        f"{emulator.relative_error:.3f} / {errors[VALUES].error / emulator.spread:.3f}",
+        " / ".join(f"{100.0 * error.inside:.0f}" for error in errors.values()),
     ]
 
 

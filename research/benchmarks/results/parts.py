@@ -54,7 +54,7 @@ class ReportPart:
         """The best trivial predictor on the same images: its PSNR in dB, and its name."""
         if self.kind != BASE and row != "unseen_settings":
             return NOTHING
-        entries = self.record["trivial_predictors"]
+        entries = [e for e in self.record["trivial_predictors"] if not e.get("representation")]
         means = [entry["psnr"].get(row, {}) if self.kind == BASE else entry["psnr"] for entry in entries]
         candidates = [(of[column], i) for i, of in enumerate(means) if of.get(column) is not None]
         if not candidates:
