@@ -200,14 +200,14 @@ class _Engine:
 
     def other_representations(self, kind: str, groups: CaseGroups) -> list[Baseline]:
         """Scores of the representations that the surrogate holds besides the one that draws it."""
-        found: list[Baseline] = []
+        baselines: list[Baseline] = []
         for name, megabytes in self.surrogate.sizes.items():
             if name != self.surrogate.representation(kind):
                 at = partial(self.surrogate.using(name).at, outside="allow")
                 title = f"{REPRESENTED[name]} ({megabytes:.2g} MB)"
                 predictor = SurrogatePredictor(at, self.catalog.plan.background, names=(title,))
-                found += self.baselines(f"{title}, {kind}", predictor, groups, representation=name)
-        return found
+                baselines += self.baselines(f"{title}, {kind}", predictor, groups, representation=name)
+        return baselines
 
     def numbers(self) -> list[FieldNumbers]:
         """Errors of what the emulator says of test members' fields."""

@@ -68,7 +68,7 @@ def _tested(
 
 
 def drawn_words(surrogate: Surrogate, kind: str) -> str:
-    """What draws a kind of question, and its size; "" where there are Gaussians alone."""
+    """The representation that draws a kind of question, and its size; "" where there are Gaussians alone."""
     name = surrogate.representation(kind)
     return "" if surrogate.field is None else f"drawn {DRAWN[name]}, {surrogate.sizes[name]:.2g} MB"
 
@@ -85,35 +85,35 @@ def numbers_record(evaluation: Evaluation) -> list[dict[str, Any]]:
 
 def representations_section(record: Mapping[str, Any]) -> list[str]:
     """The blocks of Markdown on which representation draws, and why; empty where there is only one kind."""
-    drawn = record.get("representations")
-    if drawn is None:
+    scores = record.get("representations")
+    if scores is None:
         return []
     header = ("", "drawn", "PSNR, validation", "PSNR, unseen parameters", "MB", "ms a picture")
-    return ["## How it is drawn", table(header, _rows(drawn)), "  \n".join(_reasons(drawn))]
+    return ["## How it is drawn", table(header, _rows(scores)), "  \n".join(_reasons(scores))]
 
 
-def _rows(drawn: Mapping[str, Any]) -> Iterator[list[str]]:
-    for kind, by_name in drawn["psnr"].items():
+def _rows(scores: Mapping[str, Any]) -> Iterator[list[str]]:
+    for kind, by_name in scores["psnr"].items():
         best = {
             column: max((of[column] for of in by_name.values() if of[column] is not None), default=None)
             for column in (VALIDATION, TEST)
         }
         for name, of in by_name.items():
             cells = [_bold(number(of[column]), of[column] == best[column] is not None) for column in best]
-            milliseconds = drawn["milliseconds"].get(name)
+            milliseconds = scores["milliseconds"].get(name)
             speed = NOTHING if milliseconds is None else f"{milliseconds:.3g}"
-            yield [_title(kind, drawn), DRAWN[name], *cells, f"{drawn['megabytes'][name]:.2g}", speed]
+            yield [_title(kind, scores), DRAWN[name], *cells, f"{scores['megabytes'][name]:.2g}", speed]
 
 
-def _reasons(drawn: Mapping[str, Any]) -> Iterator[str]:
+def _reasons(scores: Mapping[str, Any]) -> Iterator[str]:
     """A sentence for each kind of question: which representation draws, and what decided that."""
-    for kind, chosen in drawn["drawn_by"].items():
-        validation = {n: of[VALIDATION] for n, of in drawn["psnr"][kind].items() if of[VALIDATION] is not None}
+    for kind, chosen in scores["drawn_by"].items():
+        validation = {n: of[VALIDATION] for n, of in scores["psnr"][kind].items() if of[VALIDATION] is not None}
         others = {n: psnr for n, psnr in validation.items() if n != chosen}
-        text = f"{_title(kind, drawn).capitalize()} are drawn {DRAWN[chosen]}"
-        if drawn["named"]:
+        text = f"{_title(kind, scores).capitalize()} are drawn {DRAWN[chosen]}"
+        if scores["named"]:
             yield f"{text}, as was asked for."
-        elif len(drawn["psnr"][kind]) == 1:
+        elif len(scores["psnr"][kind]) == 1:
             yield f"{text}: nothing else was trained."
         elif chosen not in validation or not others:
             yield f"{text}: no validation image tells which is better."
@@ -123,8 +123,8 @@ def _reasons(drawn: Mapping[str, Any]) -> Iterator[str]:
             yield f"{text}: on validation images that is {ahead:.2f} dB better than {DRAWN[next_best]}."
 
 
-def _title(kind: str, drawn: Mapping[str, Any]) -> str:
-    if kind in drawn["beside_fields"]:
+def _title(kind: str, scores: Mapping[str, Any]) -> str:
+    if kind in scores["beside_fields"]:
         return "transfer functions that no image shows"
     return "views" if kind == VIEW else KINDS[kind].plural
 

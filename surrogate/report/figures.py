@@ -57,8 +57,8 @@ def _sheet(
     label, scored = list({"validation": part.validation, **_groups(part.cells)}.items())[-1]
     if scored:
         kind = part.variation.kind if isinstance(part, VariedEvaluation) else VIEW
-        drawn = "" if surrogate.field is None else f", drawn {DRAWN[surrogate.representation(kind)]}"
-        title = f"{label.capitalize()}: {len(scored)} images{drawn}"
+        words = "" if surrogate.field is None else f", drawn {DRAWN[surrogate.representation(kind)]}"
+        title = f"{label.capitalize()}: {len(scored)} images{words}"
         draw_sheet(figure, title, chosen(scored, names), surrogate, catalog)
     return bool(scored)
 

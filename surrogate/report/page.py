@@ -134,8 +134,8 @@ def _costs(record: Mapping[str, Any]) -> str:
 
 
 def _emulator_size(record: Mapping[str, Any]) -> str:
-    drawn = record.get("representations")
-    return "" if drawn is None else f"; emulated fields, {drawn['megabytes'][FIELD]:.2f} MB"
+    scores = record.get("representations")
+    return "" if scores is None else f"; emulated fields, {scores['megabytes'][FIELD]:.2f} MB"
 
 
 def _needs(record: Mapping[str, Any]) -> list[str]:
