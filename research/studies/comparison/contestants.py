@@ -7,6 +7,7 @@ import shutil
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -25,6 +26,7 @@ from surrogate.evaluation.predictor import Predictor, SurrogatePredictor
 from surrogate.evaluation.scoring import mean, score_cases
 from surrogate.evaluation.timing import Milliseconds
 from surrogate.model import Surrogate
+from surrogate.settings import TrainingSettings
 from surrogate.splatting.threads import one_torch_thread, torch_threads
 from surrogate.storage.checkpoints import CHECKPOINT
 from surrogate.storage.tensors import read_tensors, tensors_of
@@ -186,6 +188,38 @@ class OurSurrogate:
             surrogate.megabytes,
             taken,
             curve_of(surrogate, task, planned, session.device),
+        )
+
+
+@dataclass(frozen=True)
+class EmulatedFieldAlone:
+    """The emulator of the members' coarse fields, drawn by the ray caster; it takes seconds, whatever time there is."""
+
+    name: str
+    title: str
+    source: str
+    official_steps: int = 0
+    precision: Precision = "float32"
+    is_tuned: bool = False
+    steps_of: str = ""
+
+    def trained(
+        self, task: ComparisonTask, plan: Plan, seconds: float | None, session: TrainingContext
+    ) -> TrainedContestant:
+        """See `Contestant`; raises ValueError where the members keep no coarse fields."""
+        settings = TrainingSettings(seed=plan.seed)
+        surrogate = train(settings, task.catalog, emptied(session.work) / "run", only_field=True)
+
+        def at(case: Case) -> Callable[[Case], object]:
+            member = surrogate.at({**case.member.parameters, **case.varied}, outside="allow")
+            return lambda other: member.render(other.camera)
+
+        return TrainedContestant(
+            SurrogatePredictor(partial(surrogate.at, outside="allow"), task.catalog.plan.background),
+            lambda: measure(at, task.cases),
+            replace(plan, steps=1),
+            surrogate.megabytes,
+            surrogate.training["processor_seconds" if session.device == "cpu" else "seconds"],
         )
 
 

@@ -6,10 +6,10 @@ from collections.abc import Iterable
 
 from research.studies.baselines import gs_surrogate, hexplane_gaussians, insitunet, kplanes, visnerf
 from research.studies.baselines.method import PRECISIONS
-from research.studies.comparison.contestants import Contestant, OurSurrogate, Published, Recorded
+from research.studies.comparison.contestants import Contestant, EmulatedFieldAlone, OurSurrogate, Published, Recorded
 from research.studies.comparison.result import MethodRow
 
-OURS, LIGHT = "ours", "gs-surrogate-light"
+OURS, LIGHT, EMULATED = "ours", "gs-surrogate-light", "emulated-field"
 CONTESTANTS: dict[str, Contestant] = {
     contestant.name: contestant
     for contestant in (
@@ -33,11 +33,18 @@ CONTESTANTS: dict[str, Contestant] = {
         ),
         Published(kplanes.NAIVE),
         Published(hexplane_gaussians.NAIVE),
+        EmulatedFieldAlone(
+            EMULATED,
+            "emulated field, drawn",
+            "`surrogate train --model field`: principal components of the members' coarse fields, Gaussian processes, ray casting",
+        ),
     )
 }
 
-# The usual start of planes over many parameters, with which nothing is learnt, is compared on request only.
-USUAL = tuple(name for name in CONTESTANTS if name not in (LIGHT, kplanes.NAIVE.name, hexplane_gaussians.NAIVE.name))
+# The usual start of planes over many parameters, with which nothing is learnt, is compared on request only; the emulated field
+# wherever members keep fields.
+ON_REQUEST = LIGHT, EMULATED, kplanes.NAIVE.name, hexplane_gaussians.NAIVE.name
+USUAL = tuple(name for name in CONTESTANTS if name not in ON_REQUEST)
 
 
 def ordered(rows: Iterable[MethodRow]) -> list[MethodRow]:
@@ -51,9 +58,12 @@ def title(row: MethodRow) -> str:
     return CONTESTANTS[row.method].title + (f", in {row.precision}" if row.precision != "float32" else "")
 
 
-def chosen(names: Iterable[str]) -> list[Contestant]:
-    """The contestants of these names, the usual ones for none; raises ValueError for an unknown one."""
-    wanted = set(names) or set(USUAL)
+def chosen(names: Iterable[str], *, with_fields: bool = False) -> list[Contestant]:
+    """The contestants of these names, the usual ones for none; raises ValueError for an unknown one.
+
+    The emulator of the members' fields is among the usual ones where they keep some, `with_fields`.
+    """
+    wanted = set(names) or {*USUAL, *((EMULATED,) if with_fields else ())}
     if unknown := sorted(wanted - set(CONTESTANTS)):
         raise ValueError(f"unknown methods {unknown}; known are {list(CONTESTANTS)}")
     return [contestant for name, contestant in CONTESTANTS.items() if name in wanted]

@@ -79,6 +79,8 @@ def _write(catalog: Catalog, member: Member, made: Catalog) -> None:
             writer.write_image(appearance, view, area_means(pixels, camera.width, camera.height))
         if summaries := member.summaries():
             writer.write_summaries(summaries)
+        if fields := member.coarse_fields():
+            writer.write_coarse_fields(fields)
 
 
 def _pictures(catalog: Catalog, member: Member) -> Iterator[tuple[str, int, NDArray[np.uint8]]]:

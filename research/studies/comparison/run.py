@@ -28,6 +28,7 @@ from research.studies.progress import StudyWatch
 from research.studies.remote import train_on
 from surrogate.splatting.cuda import usable_device
 from surrogate.storage.checkpoints import locked
+from surrogate.training.emulator import lacking
 
 PAGE, CURVES = "comparison.md", "curves.png"
 LOCK = ".page.lock"
@@ -85,10 +86,11 @@ def study_of(
     with durable.locked(own / f".{name}.lock"):  # or two processes would make the same images
         task = ComparisonTask.of(reduced(catalog, own / "catalog.cdb", progress))
     plan = Plan(1, size="official" if options.published else "small", threads=options.threads)
+    contestants = chosen(options.methods, with_fields=not lacking(task.source))
     until = time.monotonic() + 60.0 * options.stop_after
     minutes = (AS_PUBLISHED,) if options.published else options.minutes
     return ComparisonStudy(
-        task, own, records, records.parent, chosen(options.methods), minutes, options.seeds, plan, options.device, until
+        task, own, records, records.parent, contestants, minutes, options.seeds, plan, options.device, until
     )
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from research.studies.comparison.methods import CONTESTANTS, LIGHT, OURS, chosen
+from research.studies.comparison.methods import CONTESTANTS, EMULATED, LIGHT, OURS, chosen
 from research.studies.comparison.page import cell_names, in_short, leaders, tables
 from research.studies.comparison.pictures import SHOWN, TRUTH, path_of, stored_images
 from research.studies.comparison.plots import curves, sheet, without_pictures
@@ -183,7 +183,7 @@ def test_contestants_are_chosen_by_name() -> None:
     assert [c.name for c in chosen(["visnerf", OURS])] == [OURS, "visnerf"]
     usual = [c.name for c in chosen([])]
     assert {OURS, "gs-surrogate", "4dgs-hd", "k-planes", "visnerf", "insitunet"} < set(usual) < set(CONTESTANTS)
-    assert set(CONTESTANTS) - set(usual) == {LIGHT, "k-planes-naive", "4dgs-hd-naive"}
+    assert set(CONTESTANTS) - set(usual) == {LIGHT, EMULATED, "k-planes-naive", "4dgs-hd-naive"}
     before = [*usual[: usual.index("ours-in-steps-of-gs-surrogate")], ""]
     assert {contestant.steps_of for contestant in CONTESTANTS.values()} <= set(before)
     with pytest.raises(ValueError, match=r"unknown methods \['nerf'\]; known are"):
