@@ -20,6 +20,7 @@ FEWEST = 3  # members
 FARTHEST = 8.0  # samples from a hole's surface, beyond which distances say nothing
 COMPARED = 8_192  # samples at which the scale is chosen, errors are measured and standard deviations are made to hold
 CLEARLY = 0.01  # of the squared error, by which a scale must predict better than the field's unit
+ROUNDED = 1e-3  # of what fields span, by which 32 bits may round values: less is not seen, 66 dB
 SEED = 0
 
 
@@ -60,6 +61,7 @@ class Members:
         flat = values.reshape(len(values), -1)  # [M, V]
         if len(infinite := np.flatnonzero(np.isinf(flat).any(1))):
             raise ValueError(f"the field of member {infinite[0]} has infinite values: NaN says that there are none")
+        _check_rounding(np.asarray(fields), values)
         shape = (values.shape[1], values.shape[2], values.shape[3])
         holes = np.isnan(flat)  # [M, V]
         if not holes.any():
@@ -144,6 +146,19 @@ class _Fit:
             "scale": self.scale,
             "encodings": encodings,
         }
+
+
+def _check_rounding(fields: NDArray[np.floating], rounded: NDArray[np.float32]) -> None:
+    """Raise ValueError for fields that span less than float32 tells apart about their values."""
+    if fields.dtype == np.float32 or np.isnan(fields).all():
+        return
+    low, high = float(np.nanmin(fields)), float(np.nanmax(fields))
+    if np.spacing(np.nanmax(np.abs(rounded))) > ROUNDED * (high - low) > 0.0:
+        middle = 0.5 * (low + high)
+        raise ValueError(
+            f"the fields span {high - low:.3g} about {middle!r}, which numbers of 32 bits hardly tell apart: take {middle:g} from "
+            "the field and from the values of its appearances"
+        )
 
 
 def _distances(holes: NDArray[np.bool_]) -> NDArray[np.float32]:

@@ -118,9 +118,12 @@ def _begun(
 
 
 def _train(opened: OpenRun, ranks: Ranks, *, only_field: bool) -> None:
+    from surrogate.model import FieldModel
+    from surrogate.training.emulator import described
     from surrogate.training.messages import closing
 
     is_finished = ranks.by_first(lambda: _is_finished(opened, only_field=only_field))
+    had_field = FieldModel.exists(opened.model)
     for text in _notes(opened, is_finished) if ranks.is_first else ():
         click.echo(f"  {text}", err=True)
     if not is_finished and not only_field:
@@ -130,7 +133,12 @@ def _train(opened: OpenRun, ranks: Ranks, *, only_field: bool) -> None:
         return
     opened.keep_record()
     if is_finished:
-        click.echo(f"{opened.model}: nothing to do")
+        news = (
+            [] if surrogate.field is None or had_field else ["an emulated field is new", *described(surrogate.scores)]
+        )
+        click.echo(
+            "\n".join([f"{opened.model}: {news.pop(0) if news else 'nothing to do'}", *(f"  {n}" for n in news)])
+        )
         return
     click.echo(f"{surrogate!r} after {surrogate.training['seconds']:.0f} s -> {opened.model}")
     for text in closing(surrogate, opened.catalog, opened.folder):

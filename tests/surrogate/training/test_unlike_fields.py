@@ -14,13 +14,14 @@ import insitu
 from catalogs.store.catalog import Catalog
 from catalogs.store.coarse import save_coarse_fields
 from catalogs.store.members import COARSE
-from catalogs.vocabulary.appearance import VolumeRendering
+from catalogs.vocabulary.appearance import TransferFunction, VolumeRendering
 from catalogs.vocabulary.parameters import Parameter, ParameterSpace
 from catalogs.vocabulary.scene import ViewPlan
 from catalogs.vocabulary.variations.field import field_variation
 from surrogate.cli import main
 from surrogate.emulation import EmulatedFields
-from surrogate.model.representation import FIELD, GAUSSIANS
+from surrogate.model import Surrogate
+from surrogate.model.representation import BOTH, FIELD, GAUSSIANS
 from surrogate.settings import TrainingSettings
 from surrogate.training.emulator import NoEmulator, lacking
 from surrogate.training.run import train
@@ -29,15 +30,22 @@ from tests.support.hooked import FUNCTION, blob
 
 pytestmark = pytest.mark.filterwarnings("ignore:.*:UserWarning")
 SETTINGS = TrainingSettings(gaussians=60, canonical_steps=0, deformation_steps=8, visualization_steps=6)
+BASE = VolumeRendering("dvr", FUNCTION)
 SPLITS = ("train", "train", "validation", "train", "train")
 SIDE = 13
 
 
-def catalog_of(path: Path, fields: Sequence[NDArray[np.floating]], size: float = 1.0, shift: float = 0.0) -> Catalog:
+def catalog_of(
+    path: Path,
+    fields: Sequence[NDArray[np.floating]],
+    size: float = 1.0,
+    shift: float = 0.0,
+    shown: VolumeRendering = BASE,
+) -> Catalog:
     """Members whose fields fill a box of a size; the second one's ends by `shift` sooner and begins so much later."""
     space = ParameterSpace((Parameter("p", 0.0, 1.0),))
-    views, shown = ViewPlan(frequency=1, width=16, height=16), [VolumeRendering("dvr", FUNCTION)]
-    with insitu.Session(path, space=space, appearances=shown, views=views) as session:
+    views = ViewPlan(frequency=1, width=16, height=16)
+    with insitu.Session(path, space=space, appearances=[shown], views=views) as session:
         for i, (field, split) in enumerate(zip(fields, SPLITS, strict=True)):
             inside = shift * size if i == 1 else 0.0
             spacing = (size - 2.0 * inside) / (len(field) - 1)
@@ -94,3 +102,33 @@ def test_all_that_is_learnt_must_be_emulated(tmp_path: Path) -> None:
         save_coarse_fields(member.path / COARSE, {"one": member.coarse_fields()["one"]})
     assert "none of 4 members to learn from keep a coarse field of two: " in lacking(Source(SETTINGS, catalog))
     assert train(SETTINGS, catalog, tmp_path / "other").representations == (GAUSSIANS,)
+
+
+@pytest.mark.parametrize("offset", [1e6, -1e9])
+def test_fields_that_32_bits_do_not_tell_apart_are_trained_from_pictures(tmp_path: Path, offset: float) -> None:
+    fields = [offset + 1e-3 * grown(i).astype(np.float64) for i in range(5)]
+    ends = offset, offset + 1.2e-3
+    function = TransferFunction(tuple((v, 1.0, 0.5, 0.0) for v in ends), ((ends[0], 0.0), (ends[1], 0.8)), 0.1)
+    catalog = catalog_of(tmp_path / "a.cdb", fields, shown=VolumeRendering("dvr", function))
+    assert train(SETTINGS, catalog, tmp_path / "run").representations == (GAUSSIANS,)
+    with pytest.raises(NoEmulator, match=r"the fields span 0\.001.*, which numbers of 32 bits hardly tell apart"):
+        train(SETTINGS, catalog, tmp_path / "other", only_field=True)
+
+
+def test_a_finished_run_whose_catalog_got_fields_gets_their_emulator_alone(tmp_path: Path) -> None:
+    catalog = catalog_of(tmp_path / "a.cdb", [grown(i) for i in range(5)])
+    files = {member.path / COARSE: (member.path / COARSE).read_bytes() for member in catalog.members}
+    for file in files:
+        file.unlink()
+    words = [f"{key}={value}" for key, value in SETTINGS.to_json().items() if key.endswith("steps")]
+    command = ["train", str(catalog.path), "-o", str(tmp_path / "run"), "gaussians=60", *words]
+    assert CliRunner().invoke(main, command).exit_code == 0
+    trained = (tmp_path / "run" / "surrogate" / "model.safetensors").read_bytes()
+    for file, content in files.items():
+        file.write_bytes(content)
+    again = CliRunner().invoke(main, command)
+    assert "an emulated field is new" in again.output
+    assert "by its Gaussians: " in again.output
+    assert "nothing to do" in CliRunner().invoke(main, command).output
+    assert (tmp_path / "run" / "surrogate" / "model.safetensors").read_bytes() == trained
+    assert set(Surrogate.load(tmp_path / "run" / "surrogate").scores.psnr["view"]) == {GAUSSIANS, FIELD, BOTH}
