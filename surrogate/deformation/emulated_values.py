@@ -18,7 +18,9 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
+import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import Tensor
 
 from catalogs.vocabulary.numbers import fraction
@@ -90,14 +92,19 @@ class EmulatedValues:
         return points, weights, lengths, groups
 
     @cached_property
-    def _knots(self) -> Tensor | None:
-        return None if self.scale is None else torch.from_numpy(self.scale.knots)
+    def _bends(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Values and places (J + 2,) where the scale bends: its knots, and where places are cut."""
+        assert self.scale is not None
+        places = np.concatenate([[-BEYOND], np.linspace(0.0, 1.0, len(self.scale.knots)), [1.0 + BEYOND]])
+        return self.scale.values(places), places
 
     def _carried(self, values: Tensor) -> Tensor:
-        """Values (N,) on the scale of carried ones; see `ValueScale.places`."""
-        if self._knots is None:
+        """Values (N,) on the scale of carried ones, cut beyond its ends; see `ValueScale.places`."""
+        if self.scale is None:
             return values.clamp(-BEYOND, 1.0 + BEYOND)
-        knots = self._knots.to(values)  # [J]
+        if values.is_cpu and not values.requires_grad:  # which numpy does in a third of the time
+            return torch.from_numpy(np.interp(values.numpy(), *self._bends)).to(values)
+        knots = torch.from_numpy(self.scale.knots).to(values)  # [J]
         last = len(knots) - 1
         low = torch.bucketize(values.detach(), knots[1:-1].contiguous(), right=True)  # [N]
         shares = (values - knots[low]) / (knots[low + 1] - knots[low])

@@ -80,6 +80,13 @@ def test_values_follow_the_field_on_their_scale(scale: ValueScale | None) -> Non
     assert torch.equal(shifted[:, 1], gaussians().values[:, 1])
 
 
+def test_with_and_without_derivatives_values_are_the_same() -> None:
+    parameters = PARAMETERS.clone().requires_grad_()
+    differentiable = emulated().shifts(parameters)
+    assert differentiable.requires_grad
+    np.testing.assert_allclose(differentiable.detach().numpy(), emulated().shifts(PARAMETERS).numpy(), atol=1e-6)
+
+
 def test_derivatives_by_parameters_are_those_of_differences() -> None:
     values = replace(emulated(), means=emulated().means.double(), modes=emulated().modes.double())
     for point in (PARAMETERS.double(), torch.from_numpy(processes().points[1])):
