@@ -44,7 +44,8 @@ def from_options(options: Mapping[str, Any], kind: Any, run: Run) -> CommandRequ
     if kind == "ply":
         return GaussiansRequest(setting)
     if kind == "vti":
-        return FieldsRequest(setting, tuple(options["appearance"]))
+        shown = [str(setting.visualization[APPEARANCE])] if APPEARANCE in setting.visualization else []
+        return FieldsRequest(setting, tuple(options["appearance"] or shown))
     camera = camera or _view(run, options["view"])
     if options["size"]:
         camera = camera.resized(*_pixels(options["size"], camera))

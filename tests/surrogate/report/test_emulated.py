@@ -9,7 +9,11 @@ from typing import Any
 import pytest
 from click.testing import CliRunner
 
+import insitu
 from catalogs.store.catalog import Catalog
+from catalogs.vocabulary.appearance import VolumeRendering
+from catalogs.vocabulary.scene import ViewPlan
+from catalogs.vocabulary.variations.field import field_variation
 from surrogate.cli import main
 from surrogate.evaluation.evaluate import evaluate
 from surrogate.evaluation.scoring import mean
@@ -19,7 +23,8 @@ from surrogate.report.emulated import numbers_section, representations_section
 from surrogate.report.report import write_report
 from surrogate.settings import TrainingSettings
 from surrogate.training.run import train
-from tests.support.field_catalogs import rendered
+from tests.support.field_catalogs import field, rendered
+from tests.support.hooked import FUNCTION
 
 SETTINGS = TrainingSettings(gaussians=60, canonical_steps=4, deformation_steps=8, visualization_steps=6)
 
@@ -69,9 +74,9 @@ def test_all_representations_stand_side_by_side(
 
 def test_numbers_have_errors_and_intervals(report: tuple[dict[str, Any], str]) -> None:
     record, text = report
-    [field] = record["numbers"]
-    assert set(field["errors"]) == {"values", "minimum", "maximum", "mean", "share_above"}
-    assert {error["members"] for error in field["errors"].values()} == {1}
+    [numbers] = record["numbers"]
+    assert set(numbers["errors"]) == {"values", "minimum", "maximum", "mean", "share_above"}
+    assert {error["members"] for error in numbers["errors"].values()} == {1}
     assert "## Numbers" in text
     assert "| the field | values at 4,000 places | " in text
 
@@ -101,3 +106,21 @@ def test_a_field_alone_is_reported(run: tuple[Surrogate, Catalog, Path], tmp_pat
     record = write_report(tmp_path / "report", "a", alone, catalog, evaluate(alone, catalog))
     assert record["representations"]["drawn_by"]["view"] == FIELD
     assert "from its emulated field: nothing else was trained." in (tmp_path / "report" / "report.md").read_text()
+
+
+def test_other_fields_are_compared_where_all_are_trained(tmp_path: Path) -> None:
+    looks = [VolumeRendering("dvr", FUNCTION, field="q"), VolumeRendering("speed", FUNCTION, field="speed")]
+    variation = field_variation("dvr", appearances=["speed"])
+    options: dict[str, Any] = {"appearances": looks, "fields": {"q": "1/s", "speed": "m/s"}, "variations": [variation]}
+    views = ViewPlan(frequency=1, width=16, height=16)
+    with insitu.Session(tmp_path / "a.cdb", space={"p": (0.0, 1.0)}, views=views, **options) as session:
+        for p, split in ((0.0, "train"), (0.3, "train"), (0.7, "train"), (1.0, "train"), (0.4, "test")):
+            fields = {"q": field(p), "speed": 0.5 * field(1.0 - p)}
+            session.render_member(fields, {"p": p}, spacing=(0.1,) * 3, split=split)
+    catalog = Catalog.open(tmp_path / "a.cdb")
+    surrogate = train(SETTINGS, catalog, tmp_path / "surrogate")
+    record = write_report(tmp_path / "report", "a", surrogate, catalog, evaluate(surrogate, catalog))
+    by_name = record["representations"]["psnr"]["field"]
+    assert {name for name, of in by_name.items() if of["test"] is not None} == {GAUSSIANS, FIELD, BOTH}
+    assert [(numbers["name"], numbers["unit"]) for numbers in record["numbers"]] == [("q", "1/s"), ("speed", "m/s")]
+    assert "| speed (m/s) | mean | " in (tmp_path / "report" / "report.md").read_text()

@@ -13,6 +13,7 @@ import insitu
 from catalogs.store.catalog import Catalog
 from catalogs.vocabulary.appearance import Isosurface, VolumeRendering
 from catalogs.vocabulary.scene import ViewPlan
+from catalogs.vocabulary.variations.field import field_variation
 from surrogate.explore.exporting.commands import export
 from surrogate.explore.exporting.exports import exported
 from surrogate.explore.run import Run
@@ -33,6 +34,7 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("runs") / "two"
     looks = [VolumeRendering("dvr", FUNCTION, field="q"), Isosurface("surface", 2.0, field="speed")]
     options: dict[str, Any] = {
+        "variations": [field_variation("dvr", appearances=["surface"])],
         "space": {"p": (0.0, 1.0)},
         "appearances": looks,
         "fields": {"q": "1/s²", "speed": "m/s"},
@@ -52,7 +54,12 @@ def invoke(*arguments: Any) -> Result:
 
 @pytest.mark.parametrize(
     ("chosen", "names"),
-    [((), ["q", "speed"]), (("-a", "dvr"), ["q"]), (("-a", "speed", "-a", "dvr"), ["speed", "q"])],
+    [
+        ((), ["q", "speed"]),
+        (("-a", "dvr"), ["q"]),
+        (("-a", "speed", "-a", "dvr"), ["speed", "q"]),
+        (("-p", "appearance=surface"), ["speed"]),
+    ],
 )
 def test_fields_are_written_with_units_and_deviations(
     run: Path, tmp_path: Path, chosen: tuple[str, ...], names: list[str]
@@ -84,9 +91,9 @@ def test_the_page_saves_the_same(run: Path, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("arguments", "complaint"),
     [
-        (("-a", "energy"), "no field of energy is emulated, only of dvr, q, speed"),
+        (("-a", "energy"), "no field of energy is emulated, only of dvr, surface, q, speed"),
         (("-p", "p=9"), "p = 9 lies too far outside its bounds [0, 1]: it can be drawn from -1 to 2"),
-        (("-p", "q=9"), "unknown parameter q: this surrogate has p"),
+        (("-p", "q=9"), "unknown parameter q: this surrogate has p, appearance"),
     ],
 )
 def test_what_can_not_be_written_is_said(run: Path, tmp_path: Path, arguments: tuple[str, ...], complaint: str) -> None:
@@ -105,4 +112,6 @@ def test_members_give_fields_of_any_shape(run: Path) -> None:
     field = Surrogate.load(run / "surrogate").at(p=0.4).field(shape=(4, 5, 6))
     assert field.values.shape == (4, 5, 6)
     assert str(field.quantity) == "q (1/s²)"
+    other = Surrogate.load(run / "surrogate").at(p=0.4, appearance="surface").field()
+    assert str(other.quantity) == "speed (m/s)"
     assert field.statistics().minimum.deviation is not None
