@@ -44,8 +44,8 @@ def from_options(options: Mapping[str, Any], kind: Any, run: Run) -> CommandRequ
     if kind == "ply":
         return GaussiansRequest(setting)
     if kind == "vti":
-        shown = [str(setting.visualization[APPEARANCE])] if APPEARANCE in setting.visualization else []
-        return FieldsRequest(setting, tuple(options["appearance"] or shown))
+        names = options["appearance"] or [v for n, v in setting.visualization.items() if n == APPEARANCE]
+        return FieldsRequest(setting, tuple(map(str, names)))
     camera = camera or _view(run, options["view"])
     if options["size"]:
         camera = camera.resized(*_pixels(options["size"], camera))
