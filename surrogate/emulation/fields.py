@@ -116,7 +116,7 @@ class EmulatedFields(Mapping[str, FieldEmulator]):
             "fields": [
                 {
                     "field": name,
-                    "quantity": self.quantities[name].to_json() if name in self.quantities else None,
+                    "quantity": self.quantity(name).to_json(),
                     **parts[1],
                 }
                 for name, parts in by_name.items()

@@ -9,6 +9,7 @@ import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -28,12 +29,13 @@ from surrogate.gaussians import Normalization
 from surrogate.model.batches import draw_all, paired, rows_of, warn_of
 from surrogate.model.deformed import DeformedGaussians, checked_background
 from surrogate.model.differentiable import DifferentiableSurrogate
-from surrogate.model.field_model import FieldModel, FieldPoint
+from surrogate.model.field_model import FOLDER, FieldModel, FieldPoint
 from surrogate.model.form import fields_of, stored_form, without_gaussians
 from surrogate.model.mean_member import MeanMember, MemberModel
 from surrogate.model.places import ParameterPoint, place_of, transfer_place
 from surrogate.model.points import AnyPoint, BothPoints
 from surrogate.model.representation import BOTH, FIELD, FUNCTION, GAUSSIANS, KINDS, VIEW, WORDS, RepresentationScores
+from surrogate.model.representation import FILE as SCORES
 from surrogate.notebook import surrogate_html
 from surrogate.rasterizer import Rasterizer
 from surrogate.splatting import AUTO
@@ -316,13 +318,19 @@ class Surrogate:
     def save(self, directory: str | os.PathLike[str]) -> None:
         """Write `model.safetensors`, then `model.json`, which makes it a surrogate, into `directory`.
 
-        An emulator of the fields goes into a folder of its own there, and scores into another file.
+        An emulator of the fields goes into a folder of its own there, and scores into another file.  What this surrogate does not
+        hold, such as the emulator of one that was there before, is deleted.
         """
-        if self.field is not None:
+        if self.field is None:
+            models.remove(Path(directory) / FOLDER)
+            (Path(directory) / SCORES).unlink(missing_ok=True)
+        else:
             self.field.save(directory)
             self.scores.save(directory)
         if len(self.gaussians):
             self._stored_form().save(directory)
+        else:
+            models.remove(directory)
 
     @classmethod
     def load(cls, directory: str | os.PathLike[str]) -> Surrogate:

@@ -96,6 +96,12 @@ def exists(directory: str | os.PathLike[str]) -> bool:
     return (Path(directory) / RECORD).is_file()
 
 
+def remove(directory: str | os.PathLike[str]) -> None:
+    """Delete the model in `directory`, if there is one, and nothing else."""
+    for name in (RECORD, TENSORS):
+        (Path(directory) / name).unlink(missing_ok=True)
+
+
 def load(directory: str | os.PathLike[str], make: Callable[[StoredModel], Model]) -> Model:
     """The model in `directory`, made by `make`.
 

@@ -140,6 +140,7 @@ def _trained(source: Source, checkpoint: Checkpoint | None, session: TrainingSes
         },
         encodings=state.encodings,
         visualizations=state.visualizations,
+        field=field,
     )
 
 
