@@ -46,15 +46,22 @@ class EmulatedFields(Mapping[str, FieldEmulator]):
 
     @classmethod
     def fit(
-        cls, catalog: Catalog, scales: Mapping[str, ValueScale] | None = None, splits: Sequence[str] = ("train",)
+        cls,
+        catalog: Catalog,
+        scales: Mapping[str, ValueScale] | None = None,
+        splits: Sequence[str] = ("train",),
+        *,
+        without: str = "",
     ) -> EmulatedFields:
-        """From the coarse fields of the members of some splits; `scales` are those that appearances show fields on, by field.
+        """From the coarse fields of the members of some splits, `without` the one of that name.
+
+        The `scales` are those that appearances show fields on, by field.
 
         Fields that fewer than three members have are left out: there may be none.  Raises ValueError naming a member whose field
         lies on another grid than that of the others.
         """
         space = catalog.plan.space.with_logarithms()
-        members = [member for member in catalog.members if member.split in splits]
+        members = [member for member in catalog.members if member.split in splits and member.name != without]
         by_field: dict[str, list[tuple[Member, CoarseField]]] = {}
         for member in members:
             for name, coarse in member.coarse_fields().items():

@@ -39,8 +39,8 @@ class RepresentationScores:
     milliseconds: Mapping[str, float] = field(default_factory=dict)
 
     def better(self, kind: str) -> str:
-        """The representation with the higher score; Gaussians where nothing tells."""
-        scores = self.psnr.get(kind) or {}
+        """The representation with the higher score, for want of others as for views; Gaussians where nothing tells."""
+        scores = self.psnr.get(kind) or self.psnr.get(VIEW) or {}
         return max(REPRESENTATIONS, key=lambda name: scores.get(name, float("-inf")))
 
     def save(self, directory: str | os.PathLike[str]) -> None:

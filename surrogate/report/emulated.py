@@ -115,7 +115,9 @@ def _reasons(scores: Mapping[str, Any]) -> Iterator[str]:
             yield f"{text}, as was asked for."
         elif len(scores["psnr"][kind]) == 1:
             yield f"{text}: nothing else was trained."
-        elif chosen not in validation or not others:
+        elif chosen in validation and not others:
+            yield f"{text}: it shows members that it was fitted without better than the Gaussians that learnt from them."
+        elif chosen not in validation:
             yield f"{text}: no validation image tells which is better."
         else:
             next_best = max(others, key=lambda name: others[name])
