@@ -8,7 +8,7 @@ besides its offset.  Here m_i and B_ik are the emulator's mean and modes at the 
 of the emulator's Gaussian processes are c_k(p), and s is the scale of carried values.
 
 The share a is a half: offsets learn the other half, and all that is finer, moves, or is wrong with the emulator.  So between
-members the values are the mean of two predictions whose errors differ (docs/emulation.md has what that is worth).
+members the values are the mean of two predictions whose errors differ.
 """
 
 from __future__ import annotations
