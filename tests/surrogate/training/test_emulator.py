@@ -17,10 +17,10 @@ from surrogate.cli import main
 from surrogate.model import FieldModel, Surrogate
 from surrogate.model.representation import BOTH, FIELD, GAUSSIANS
 from surrogate.settings import TrainingSettings
-from surrogate.training.emulator import lacking
+from surrogate.training.emulator import fit, lacking
 from surrogate.training.other_functions import other_functions
 from surrogate.training.run import train
-from surrogate.training.source import Source
+from surrogate.training.source import MOST_ERROR, Source
 from tests.support.field_catalogs import rendered
 
 SETTINGS = TrainingSettings(gaussians=60, canonical_steps=4, deformation_steps=8, visualization_steps=6)
@@ -99,3 +99,12 @@ def test_other_functions_cover_the_values() -> None:
         assert peak.opacities(places).max() == pytest.approx(0.6, abs=0.02)
         assert float((peak.opacities(places) > 0.0).mean()) == pytest.approx(0.1, abs=0.01)
         assert all(f.opacity_unit_distance == 0.7 for f in (rising, falling, peak))
+
+
+def test_a_field_that_is_predicted_poorly_is_no_start(catalog: Catalog) -> None:
+    source = Source(SETTINGS, catalog)
+    model = fit(source, "")
+    assert source.start_from_field(model) is not None
+    [(name, emulator)] = model.emulators.items()
+    poor = replace(emulator, errors=np.full_like(emulator.errors, 1.01 * MOST_ERROR * emulator.spread))
+    assert source.start_from_field(replace(model, emulators=replace(model.emulators, emulators={name: poor}))) is None
