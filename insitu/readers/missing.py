@@ -75,7 +75,7 @@ def _missing(
     usual = DEFAULT_FILLS.get(values.dtype.str[1:]) if values.dtype == dtype else None
     if default_fill and "_FillValue" not in attrs and usual is not None:
         marks.append(np.array([usual], dtype))
-    matches = [np.isnan(values) if mark != mark else values == mark for group in marks for mark in group]
+    matches = [values == mark for group in marks for mark in group if mark == mark]  # NaN marks nothing but itself
     low, high = (_stated(attrs, key, dtype, values.dtype, name)[:1] for key in ("valid_min", "valid_max"))
     both = _stated(attrs, "valid_range", dtype, values.dtype, name)
     if both.size == 2:
