@@ -96,10 +96,7 @@ def draw_all(
     def draw(part: Sequence[int]) -> None:
         member = member_at(places[part[0]])
         for k in part:
-            alone = workers > 1
-            pictures[k] = (
-                member.render_alone(cameras[k], background) if alone else member.render_over(cameras[k], background)
-            )
+            pictures[k] = member.picture(cameras[k], background, threads=1 if workers > 1 else None)
 
     parts = _parts(places, workers)
     if workers == 1:

@@ -42,19 +42,12 @@ class DeformedGaussians:
         With a `background` (red, green, blue), each in [0, 1], it is opaque: composited on that colour, alpha 1.  Raises ValueError
         for another background.
         """
-        return self.render_over(camera, checked_background(background))
+        return self.picture(camera, checked_background(background))
 
-    def render_over(self, camera: Camera, background: NDArray[np.float32] | None) -> NDArray[np.float32]:
-        """The same with a background from `checked_background`."""
-        return self._picture(camera, background)
-
-    def render_alone(self, camera: Camera, background: NDArray[np.float32] | None) -> NDArray[np.float32]:
-        """The same picture by one thread on a CPU, so that many are drawn side by side; `background` from `checked_background`."""
-        return self._picture(camera, background, threads=1)
-
-    def _picture(
+    def picture(
         self, camera: Camera, background: NDArray[np.float32] | None, threads: int | None = None
     ) -> NDArray[np.float32]:
+        """The same with a background from `checked_background`, on a CPU by a number of threads, None for all cores."""
         with torch.no_grad():
             rendering = self.rasterizer.draw(self.gaussians, self.normalization.camera(camera), threads=threads)
         color, alpha = rendering.color.cpu().numpy(), rendering.alpha.cpu().numpy()[..., None]  # [H, W, 3], [H, W, 1]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -141,9 +142,9 @@ class FieldModel:
     @property
     def megabytes(self) -> float:
         """Size of the stored tensors, 10^6 bytes."""
-        return self._stored_form().megabytes
+        return self.emulators.megabytes
 
-    @property
+    @cached_property
     def digest(self) -> str:
         """A SHA-256 over all that is stored of it."""
         return self._stored_form().digest

@@ -35,15 +35,14 @@ class MeanMember:
 
     def render(self, camera: Camera, *, background: Sequence[float] | None = None) -> NDArray[np.float32]:
         """The picture that `camera` sees, (H, W, 4) float32 premultiplied RGBA in [0, 1]; see `EmulatedMember.render`."""
-        return self.render_over(camera, checked_background(background))
+        return self.picture(camera, checked_background(background))
 
-    def render_over(self, camera: Camera, background: NDArray[np.float32] | None) -> NDArray[np.float32]:
-        """The same with a background from `checked_background`."""
-        return 0.5 * (self.gaussians.render_over(camera, background) + self.emulated.render_over(camera, background))
-
-    def render_alone(self, camera: Camera, background: NDArray[np.float32] | None) -> NDArray[np.float32]:
-        """The same picture by one thread; `background` from `checked_background`."""
-        return 0.5 * (self.gaussians.render_alone(camera, background) + self.emulated.render_alone(camera, background))
+    def picture(
+        self, camera: Camera, background: NDArray[np.float32] | None, threads: int | None = None
+    ) -> NDArray[np.float32]:
+        """The same with a background from `checked_background`, on a CPU by a number of threads, None for all cores."""
+        by_gaussians = self.gaussians.picture(camera, background, threads)
+        return 0.5 * (by_gaussians + self.emulated.picture(camera, background, threads))
 
     def sample(self, places: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """The field and its standard deviation at world places (N, 3); see `EmulatedMember.sample`."""
