@@ -38,9 +38,8 @@ from surrogate.training.value_loss import KnownValues
 COLOR_SAMPLES = 32  # images that the first colour is taken from
 # Images, and opaque pixels of them, that tell whether surfaces are lit as the catalog says.
 LOOKED_AT, MOST_PIXELS = 8, 4_000
-# Relative error of left-out members, above which Gaussians do not start from the emulated field.  Beside the start on in-situ
-# points, at unseen parameters: ensembles with 0.04 to 0.15 lost at most 0.6 dB and gained up to 3.6 (`cloverleaf` 3.1); one with
-# 0.22 gained 26, for the other start collapsed; others with 0.26 to 1.14 lost 0.4 to 12.
+# Relative error of left-out members, above which Gaussians do not start from the emulated field: they would follow what is wrong.
+# `python -m research.benchmarks.emulation.starts` compares both starts on any catalog.
 MOST_ERROR = 0.2
 DECISION_IMAGES = 48  # validation images that choices about a model are made on
 
