@@ -113,6 +113,12 @@ def load_coarse_fields(path: Path) -> dict[str, CoarseField]:
         return {name: _field(archive, prefix) for name, prefix in prefixes.items()}
 
 
+def coarse_names(path: Path) -> tuple[str, ...]:
+    """The names of the fields in a file; reads no more of it.  Raises as `load_coarse_fields`."""
+    with _opened(path) as (_, prefixes):
+        return tuple(prefixes)
+
+
 def are_whole(path: Path) -> bool:
     """True if all coarse fields in a file are the fields' own samples; reads no more of it.  Raises as `load_coarse_fields`."""
     with _opened(path) as (archive, prefixes):

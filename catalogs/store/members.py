@@ -15,7 +15,7 @@ import numpy as np
 
 from catalogs.files import cinema, durable
 from catalogs.files.digests import digest_of, is_sealed, sealed
-from catalogs.store.coarse import CoarseField, load_coarse_fields
+from catalogs.store.coarse import CoarseField, coarse_names, load_coarse_fields
 from catalogs.store.digests import Digests
 from catalogs.store.plan import (
     ACCEPT,
@@ -107,6 +107,11 @@ class Member:
         """
         path = self.path / COARSE
         return load_coarse_fields(path) if path.exists() else {}
+
+    def coarse_names(self) -> tuple[str, ...]:
+        """The names of `coarse_fields`, which are not read for them; raises ValueError naming a damaged file."""
+        path = self.path / COARSE
+        return coarse_names(path) if path.exists() else ()
 
     def row_split(self, view: int, setting: VariationSetting | None = None) -> str:
         """The split of one image: test if its member, its view or its setting is for testing, else validation, else train."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
@@ -28,14 +29,13 @@ from surrogate.splatting.threads import one_torch_thread
 from surrogate.training.other_functions import scores_under_other_functions
 from surrogate.training.source import Source
 
-
-class NoEmulator(ValueError):
-    """No emulator of a catalog's coarse fields can be fitted; the message says why."""
-
-
 MOST_SCORED = 48  # validation images of each kind
 MOST_LEFT_OUT = 4  # members
 TIMED = 7  # pictures
+
+
+class NoEmulator(ValueError):
+    """No emulator of a catalog's coarse fields can be fitted; the message says why."""
 
 
 def drawable(source: Source) -> tuple[Appearance, ...]:
@@ -58,8 +58,9 @@ def lacking(source: Source) -> str:
     members = [m for m in source.catalog.members if m.split == "train"]
     if len(members) < FEWEST:
         return f"it takes {FEWEST} members or more to learn from"
+    counts = Counter(name for member in members for name in member.coarse_names())
     for name in dict.fromkeys(map(field_of, appearances)):
-        having = sum(name in m.coarse_fields() for m in members)
+        having = counts[name]
         if having < FEWEST:
             return (
                 f"{having or 'none'} of {len(members)} members to learn from keep a coarse field{name and f' of {name}'}: "
@@ -172,12 +173,13 @@ def with_emulator(source: Source, directory: Path, fingerprint: str, *, required
     return ""
 
 
-def keep_comparison(surrogate: Surrogate, catalog: Catalog, directory: Path) -> None:
-    """Compare what a surrogate in `directory` holds, and keep the scores, unless that was done for all of it."""
-    if surrogate.field is None:
-        return
-    if set(surrogate.scores.milliseconds) != set(surrogate.representations):
-        compared(surrogate, catalog).save(directory)
+def kept_scores(surrogate: Surrogate, catalog: Catalog, directory: Path) -> RepresentationScores:
+    """The scores of all that a surrogate in `directory` holds: compared and kept there now, unless that was done."""
+    if surrogate.field is None or set(surrogate.scores.milliseconds) == set(surrogate.representations):
+        return surrogate.scores
+    scores = compared(surrogate, catalog)
+    scores.save(directory)
+    return scores
 
 
 def _of_validation_members(cases: Sequence[Case]) -> list[Case]:

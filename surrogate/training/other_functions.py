@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from catalogs.store.catalog import Catalog, Member
 from catalogs.vocabulary.appearance import TransferFunction, VolumeRendering, field_of
+from catalogs.vocabulary.cameras import Camera
 from surrogate.evaluation.cases import VALIDATION
 from surrogate.evaluation.metrics import WHITE, composite, psnr
 from surrogate.evaluation.scoring import spread
@@ -42,29 +43,28 @@ def scores_under_other_functions(
     base = None if surrogate.field is None else surrogate.field.appearances[0]
     if not isinstance(base, VolumeRendering) or base.shaded:
         return {}
-    unseen = [m for m in catalog.members if m.split in splits and m.coarse_field(field_of(base)) is not None]
-    some = [unseen[i] for i in spread(len(unseen), MOST_MEMBERS)]
-    scores: dict[str, list[float]] = {}
-    for member in some:
-        for name in surrogate.representations:
-            try:
-                of_member = _scores_of(surrogate.using(name), member, base)
-            except ValueError:  # colours, which know no functions
-                continue
-            scores.setdefault(name, []).extend(of_member)
-    return {name: float(np.mean(of)) for name, of in scores.items()}
+    unseen = [m for m in catalog.members if m.split in splits and field_of(base) in m.coarse_names()]
+    scores: dict[str, list[float]] = {name: [] for name in surrogate.representations}
+    for member in (unseen[i] for i in spread(len(unseen), MOST_MEMBERS)):
+        views = [member.cameras[i] for i in spread(len(member.cameras), MOST_VIEWS)]
+        for function, truths in _truths(member, base, views):
+            for name in scores:
+                try:
+                    prediction = surrogate.using(name).under(function, member.parameters, outside="allow")
+                except ValueError:  # colours, which know no functions
+                    continue
+                for view, truth in zip(views, truths, strict=True):
+                    scores[name].append(psnr(truth, composite(prediction.render(view), WHITE)))
+    return {name: float(np.mean(of)) for name, of in scores.items() if of}
 
 
-def _scores_of(surrogate: Surrogate, member: Member, base: VolumeRendering) -> Sequence[float]:
+def _truths(
+    member: Member, base: VolumeRendering, views: Sequence[Camera]
+) -> Iterator[tuple[TransferFunction, list[NDArray[np.float32]]]]:
+    """Each function, and the pictures of a member's coarse field under it, on white."""
     coarse = member.coarse_field(field_of(base))
     assert coarse is not None
     samples = SampledField(coarse.values, coarse.holes, coarse.spacing, coarse.origin)
-    views = [member.cameras[i] for i in spread(len(member.cameras), MOST_VIEWS)]
-    scores = []
     for function in other_functions(base.transfer_function, coarse.values[np.isfinite(coarse.values)]):
         truth = VolumeCaster.of(samples, VolumeRendering(base.name, function))
-        prediction = surrogate.under(function, member.parameters, outside="allow")
-        for view in views:
-            pictures = truth.draw(view), prediction.render(view)
-            scores.append(psnr(*(composite(picture, WHITE) for picture in pictures)))
-    return scores
+        yield function, [composite(truth.draw(view), WHITE) for view in views]

@@ -28,7 +28,7 @@ from surrogate.splatting.threads import one_torch_thread
 from surrogate.storage import models
 from surrogate.storage.checkpoints import CHECKPOINT, Checkpoint, fingerprint, locked
 from surrogate.training.data import TrainingData
-from surrogate.training.emulator import keep_comparison, with_emulator
+from surrogate.training.emulator import kept_scores, with_emulator
 from surrogate.training.ranks import ALONE, Ranks, require_own_gpu
 from surrogate.training.session import Interruption, ProgressReport, TrainingSession
 from surrogate.training.source import Source
@@ -181,8 +181,7 @@ def _finished(directory: Path, mark: str, source: Source, ranks: Ranks) -> Surro
     """The surrogate in `directory`, its representations compared where they were not yet."""
     finished = Surrogate.load(directory)
     _check_mark(finished.training.get("fingerprint"), mark, directory)
-    ranks.by_first(lambda: keep_comparison(finished, source.catalog, directory))
-    return finished if finished.field is None else Surrogate.load(directory)
+    return replace(finished, scores=ranks.by_first(lambda: kept_scores(finished, source.catalog, directory)))
 
 
 def _check_mark(previous: str | None, mark: str, directory: Path) -> None:
