@@ -58,6 +58,7 @@ def test_every_field_that_is_shown_is_kept(tmp_path: Path) -> None:
         session.render_member(fields, {"Re": 120.0}, spacing=SPACING, appearances=["surface"])
     one, both = Catalog.open(tmp_path / "a.cdb").members
     assert (list(one.coarse_fields()), list(both.coarse_fields())) == (["speed"], ["q", "speed"])
+    assert (one.coarse_names(), both.coarse_names()) == (("speed",), ("q", "speed"))
     for name, values in fields.items():
         field = both.coarse_field(name)
         assert field is not None
@@ -82,6 +83,7 @@ def test_none_is_kept_where_none_is_wanted_and_all_else_is_the_same(tmp_path: Pa
     render(tmp_path / "b.cdb", coarse_field=False)
     (member,) = Catalog.open(tmp_path / "b.cdb").members
     assert member.coarse_fields() == {}
+    assert member.coarse_names() == ()
     assert member.coarse_field() is None
     assert check(tmp_path / "b.cdb") == []
     one, other = tree(tmp_path / "a.cdb"), tree(tmp_path / "b.cdb")
