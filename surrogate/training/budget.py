@@ -1,9 +1,11 @@
-"""Settings for a budget in minutes or steps: numbers of Gaussians and of steps on this machine.
+"""Settings for a budget in minutes or steps: numbers of Gaussians and of steps.
 
-The pictures decide how many Gaussians are worth having, and the number of images how many steps these need.  The rules did best on
-validation images in equal time, on pictures of 64 to 256 pixels a side.  Where members look much alike, Gaussians were worth more
-than steps, so they grow with the time; where members differ strongly, steps were.  Where little of a picture shows anything, few
-Gaussians were enough.
+The pictures decide how many Gaussians are worth having, and the number of images how many steps these need.  In minutes, the number
+of Gaussians follows at a stated speed, so that a busy machine makes a model of the same size.  Steps follow at the measured speed.
+
+The rules did best on validation images in equal time, on pictures of 64 to 256 pixels a side.  Where members looked much alike,
+Gaussians were worth more than steps, so they grow with the time; where members differed strongly, steps were.  Where little of a
+picture shows anything, few Gaussians were enough.
 """
 
 from __future__ import annotations
@@ -17,9 +19,11 @@ from typing import Any
 from catalogs.store.catalog import Catalog
 from catalogs.vocabulary.appearance import Appearance, VolumeRendering
 from surrogate.settings import TrainingSettings
+from surrogate.splatting.cuda import chosen_device
+from surrogate.splatting.threads import cores as available_cores
 from surrogate.training.content import changing_share, roughness, sampled, visible_pixels
 from surrogate.training.data import ImageRow, training_rows, validation_rows
-from surrogate.training.pace import LEAST_SECONDS, Clock, Pace, measure_pace
+from surrogate.training.pace import Clock, Pace, measure_pace
 from surrogate.training.ranks import ALONE, Ranks
 from surrogate.training.source import Source
 
@@ -31,9 +35,6 @@ STEP_KEYS = ("canonical_steps", "deformation_steps", "visualization_steps")
 LARGEST, SMALLEST = 60_000, 1_000
 PER_PIXEL = 44_000.0  # Gaussians squared: one for each pixel where 44,000 show something, two where 11,000 do
 ALIKE = 1 / 3  # the `changing_share` up to which longer trainings are worth more Gaussians, not more steps alone
-BALANCED = (
-    2 / 3
-)  # power of growth, as a step takes the longer, the more Gaussians there are, and they grow as the root of steps
 FEWEST_STEPS = 20  # of a stage
 ENOUGH_STEPS = 2_000, 20_000  # and within these two for each image: with fewer there are fewer Gaussians as well
 FEWEST_GAUSSIANS = 0.25  # of those that the pictures are worth
@@ -43,6 +44,12 @@ ROUGH = 0.05  # of a picture: from there on carried colours are worth several sa
 MODES_OF_VALUES = 32  # carried values are also learnt without a stage of their own for the canonical Gaussians
 VALIDATIONS, MOST_BETWEEN = 16, 1_000  # in a training, and steps between them at most
 
+# The stated speed, from which the number of Gaussians follows: a step's seconds on one core of an AMD EPYC, of which all but the
+# first are shared by the cores; steps have a share of the time.  (1,000 to 60,000 Gaussians, images of 64 to 256 pixels a side.)
+SECONDS_PER_STEP, SECONDS_PER_GAUSSIAN, SECONDS_PER_PIXEL = 1.8e-3, 3.8e-7, 4.5e-8
+STATED_SHARE = 0.75
+GPU_CORES = 32  # that a GPU counts as
+
 # What takes time beside the steps
 COLOR_PROBES = 0.07  # of the steps of stages 1 and 2: the question whether colours depend on the direction
 COMPRESSION = 0.18  # of the same steps: fine-tunings after each choice
@@ -51,7 +58,7 @@ LARGEST_SHARE = 0.2  # of the time that these pictures may take: else nothing is
 SPARE = 3.0  # seconds, to begin and to write down
 LENIENCE = 1.25  # for machines that are slower the next time
 
-# Of the time, and seconds at most, in which the speed is measured in the end: one second says little where others use the machine.
+# Of the time, and seconds at most, in which the speed is measured: one second says little where others use the machine.
 MEASURED_SHARE, MOST_MEASURED = 0.03, 20.0
 
 
@@ -174,75 +181,45 @@ def _sized(table: Mapping[str, Any], source: Source, worth: Worth, steps: int) -
     return TrainingSettings.from_table({**follows, **table, **lengths, **of_variations})
 
 
-@dataclass(frozen=True)
-class _Plan:
-    """The settings that fit into the time left, by a short training with the settings `tried`.
-
-    Attributes
-    ----------
-    is_compressed : whether there is time for the choices of compression.
-    steps : over all stages.
-    wanted : settings of a number of steps, with as many Gaussians as these are worth.
-    """
-
-    tried: TrainingSettings
-    pace: Pace
-    is_compressed: bool
-    steps: int
-    wanted: TrainingSettings
-
-    @property
-    def growth(self) -> float:
-        """Of the Gaussians that were tried, to as many as the steps are worth."""
-        return self.wanted.gaussians / self.tried.gaussians
-
-    @property
-    def nearer(self) -> TrainingSettings:
-        """The next settings to try: fewer Gaussians are faster; more leave fewer steps, which are then worth fewer Gaussians."""
-        growth = min(self.growth, self.growth**BALANCED)
-        return self.wanted.changed(gaussians=_rounded(self.tried.gaussians * growth))
-
-    @property
-    def settled(self) -> TrainingSettings:
-        """The steps of `wanted` with the Gaussians of `tried`."""
-        return self.wanted.changed(gaussians=self.tried.gaussians)
-
-
 def _in_time(
     table: Mapping[str, Any], source: Source, seconds: float, elapsed: Clock
 ) -> tuple[TrainingSettings, dict[str, Any]]:
     rows = _rows(source)
     images, worth = sum(map(len, rows)), _worth(source, rows[0])
     choosing = source.settings.fit_to_need and bool(validation_rows(source.catalog, [source.appearance], 1))
-
-    def planned(tried: TrainingSettings, lasting: float = 0.0) -> _Plan:
-        slowest = Source(_slowest(tried, source.target), source.catalog, source.ranks)
-        pace = measure_pace(slowest, rows, elapsed, lasting)
-        left = seconds - source.ranks.agreed(elapsed()) - SPARE - pace.load * images
-        compressing = choosing and PICTURES * pace.draw <= LARGEST_SHARE * left
-        overhead = COMPRESSION * compressing + COLOR_PROBES * (tried.color_degree == "auto")
-        steps = int((left - PICTURES * pace.draw * compressing) / (pace.mean_step * (1.0 + overhead / len(rows))))
-        if steps < FEWEST_STEPS * len(rows):
-            raise ValueError(_too_short(seconds, seconds - left - SPARE - pace.load * images, images, len(rows), pace))
-        choices = table if compressing or not choosing else {"fit_to_need": False, **table}
-        return _Plan(tried, pace, compressing, steps, _sized(choices, source, worth, steps))
-
-    plan = planned(TrainingSettings.from_table({"gaussians": worth.gaussians(), **_design(source, worth), **table}))
-    if plan.growth > 1.0:
-        plan = planned(plan.nearer)
-    while plan.growth < 1.0:
-        plan = planned(plan.nearer)
-    lasting = min(MOST_MEASURED, MEASURED_SHARE * seconds) / len(rows)
-    if lasting > LEAST_SECONDS:
-        plan = planned(plan.tried, lasting)
-    return plan.settled, {
-        "gaussians": plan.tried.gaussians,
-        "steps": plan.steps,
-        "milliseconds_per_step": round(1e3 * plan.pace.mean_step, 2),
+    table = {"gaussians": _stated_size(source, rows[0], worth, seconds / len(rows)), **table}
+    tried = TrainingSettings.from_table({**_design(source, worth), **table})
+    slowest = Source(_slowest(tried, source.target), source.catalog, source.ranks)
+    pace = measure_pace(slowest, rows, elapsed, min(MOST_MEASURED, MEASURED_SHARE * seconds) / len(rows))
+    left = seconds - source.ranks.agreed(elapsed()) - SPARE - pace.load * images
+    compressing = choosing and PICTURES * pace.draw <= LARGEST_SHARE * left
+    overhead = COMPRESSION * compressing + COLOR_PROBES * (tried.color_degree == "auto")
+    steps = int((left - PICTURES * pace.draw * compressing) / (pace.mean_step * (1.0 + overhead / len(rows))))
+    if steps < FEWEST_STEPS * len(rows):
+        raise ValueError(_too_short(seconds, seconds - left - SPARE - pace.load * images, images, len(rows), pace))
+    choices = table if compressing or not choosing else {"fit_to_need": False, **table}
+    return _sized(choices, source, worth, steps), {
+        "gaussians": tried.gaussians,
+        "steps": steps,
+        "milliseconds_per_step": round(1e3 * pace.mean_step, 2),
         "images": images,
-        "seconds_to_load": round(plan.pace.load * images, 1),
-        "compressed": plan.is_compressed,
+        "seconds_to_load": round(pace.load * images, 1),
+        "compressed": compressing,
     }
+
+
+def _stated_size(source: Source, rows: Sequence[ImageRow], worth: Worth, seconds: float) -> int:
+    """The most Gaussians that are worth their steps in a stage of these `seconds` at the stated speed, whatever else runs here."""
+    camera = rows[0].member.cameras[rows[0].view]
+    cores = GPU_CORES if chosen_device(source.settings.device).type == "cuda" else available_cores()
+
+    def is_worth(count: int) -> bool:
+        shared = count * SECONDS_PER_GAUSSIAN + camera.width * camera.height * SECONDS_PER_PIXEL
+        of_image = SECONDS_PER_STEP + shared / cores
+        return worth.gaussians(STATED_SHARE * seconds * source.ranks.count / of_image) >= count
+
+    sizes = sorted({_rounded(count) for count in range(SMALLEST, LARGEST + 1, 100)})
+    return max(filter(is_worth, sizes), default=SMALLEST)
 
 
 def _too_short(seconds: float, spent: float, images: int, stages: int, pace: Pace) -> str:

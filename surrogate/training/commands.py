@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 @click.option(
     "--minutes",
     type=float,
-    help="Time for all of it; Gaussians and steps follow from this machine's speed.  [default: 10]",
+    help="Time for all of it; Gaussians follow from a stated speed, steps from this machine's.  [default: 10]",
 )
 @click.option("--steps", type=int, help="Steps of training instead: the same model wherever it is trained.")
 @click.option(
