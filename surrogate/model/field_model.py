@@ -154,6 +154,14 @@ class FieldModel:
         """True where a surrogate's `directory` holds one."""
         return models.exists(Path(directory) / FOLDER)
 
+    @staticmethod
+    def fingerprint(directory: str | os.PathLike[str]) -> str | None:
+        """That of the run of which `directory` holds one, from its record alone; raises as `load` does."""
+        folder = Path(directory) / FOLDER
+        record = models.read_record(folder)
+        with models.damaged(str(folder)), part("training"):
+            return record["training"].get("fingerprint")
+
     def save(self, directory: str | os.PathLike[str]) -> None:
         """Write it into a folder of its own in a surrogate's `directory`; see `StoredModel.save`."""
         self._stored_form().save(Path(directory) / FOLDER)

@@ -110,18 +110,23 @@ def load(directory: str | os.PathLike[str], make: Callable[[StoredModel], Model]
     one that is damaged.
     """
     directory = Path(directory)
-    path = directory / RECORD
-    if not path.is_file():
-        raise FileNotFoundError(_absence(directory))
-    with damaged(str(path)):
-        with part("the file"), opened_inside(directory, RECORD, MOST_RECORD_BYTES) as (file, size):
-            record = _record(file.read(size))
+    record = read_record(directory)
+    with damaged(str(directory / RECORD)):
         with part("tensors"):
             if not isinstance(record["tensors"], dict) or record["tensors"].get("file") != TENSORS:
                 raise ValueError(f"file must be {TENSORS!r}, which lies beside it, got {record['tensors']!r}")
         with part(TENSORS), opened_inside(directory, TENSORS, MOST_BYTES) as (file, size):
             content = read_tensors(file, size)
         return _model_of(content, record, make)
+
+
+def read_record(directory: str | os.PathLike[str]) -> dict[str, Any]:
+    """The record of the model in `directory`, without its tensors; raises as `load` does."""
+    path = Path(directory) / RECORD
+    if not path.is_file():
+        raise FileNotFoundError(_absence(Path(directory)))
+    with damaged(str(path)), part("the file"), opened_inside(Path(directory), RECORD, MOST_RECORD_BYTES) as (file, size):
+        return _record(file.read(size))
 
 
 def _absence(directory: Path) -> str:
