@@ -37,7 +37,11 @@ from surrogate.splatting.threads import one_torch_thread
 VERSION = 3
 MOST_PERCEPTUAL = 40  # images of a cell: six cells at 110 ms an image (256 x 256) take 26 s
 APPLIED, EMULATED = "applied", "emulated"
-REPRESENTED = {FIELD: "the emulated field, drawn", GAUSSIANS: "the Gaussians", BOTH: "the mean of both"}
+REPRESENTED = {
+    FIELD: "the emulated field, drawn",
+    GAUSSIANS: "the Gaussians",
+    BOTH: "the mean image of Gaussians and field",
+}
 AT_NEAREST = "the surrogate at the nearest trained setting"
 AT_CENTER = "the surrogate at the centre of the parameters"
 

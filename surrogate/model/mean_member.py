@@ -1,4 +1,4 @@
-"""One member drawn twice, by its Gaussians and from its emulated field: the mean of both pictures."""
+"""One member drawn twice, by its Gaussians and from its emulated field: the mean of the two pictures."""
 
 from __future__ import annotations
 

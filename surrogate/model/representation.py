@@ -15,8 +15,12 @@ from surrogate.storage.files import opened_inside
 
 GAUSSIANS, FIELD, BOTH = "gaussians", "field", "both"
 REPRESENTATIONS = GAUSSIANS, FIELD, BOTH
-DRAWN = {GAUSSIANS: "by its Gaussians", FIELD: "from its emulated field", BOTH: "as the mean of both"}
-WORDS = {GAUSSIANS: "Gaussians", FIELD: "emulated field", BOTH: "mean of both"}
+DRAWN = {
+    GAUSSIANS: "by its Gaussians",
+    FIELD: "from its emulated field",
+    BOTH: "as the mean image of Gaussians and field",
+}
+WORDS = {GAUSSIANS: "Gaussians", FIELD: "emulated field", BOTH: "mean image of Gaussians and field"}
 # Pictures of the base appearance; under another transfer function, at an isovalue, of another field (the kinds of variations).
 VIEW, FUNCTION = "view", "transfer_function"
 KINDS = (VIEW, FUNCTION, "isovalue", "field")
@@ -32,11 +36,13 @@ class RepresentationScores:
     ----------
     psnr : mean over validation images, by kind of question and representation.
     megabytes, milliseconds : as stored, and of a picture of the catalog's size, by representation.
+    left_out : True where, for lack of validation members, views were scored on members that the emulator was fitted without.
     """
 
     psnr: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     megabytes: Mapping[str, float] = field(default_factory=dict)
     milliseconds: Mapping[str, float] = field(default_factory=dict)
+    left_out: bool = False
 
     def better(self, kind: str) -> str:
         """The representation with the higher score, for want of others as for views; Gaussians where nothing tells."""
@@ -57,7 +63,8 @@ class RepresentationScores:
             with opened_inside(Path(directory), FILE, MOST_BYTES) as (file, size):
                 values = json.loads(file.read(size))
             psnr = {str(kind): _numbers(scores) for kind, scores in values["psnr"].items()}
-            return cls(psnr, _numbers(values["megabytes"]), _numbers(values["milliseconds"]))
+            sizes, speeds = _numbers(values["megabytes"]), _numbers(values["milliseconds"])
+            return cls(psnr, sizes, speeds, values.get("left_out") is True)
         except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
             raise ValueError(
                 f"{path} is damaged: {error!r}; `surrogate train` writes it anew once it is deleted"

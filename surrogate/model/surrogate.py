@@ -85,7 +85,7 @@ class Surrogate:
     only: str = ""
 
     def using(self, representation: str) -> Surrogate:
-        """The same with all pictures drawn by its "gaussians", from its emulated "field", or as the mean of "both".
+        """The same with all pictures drawn by its "gaussians", from its emulated "field", or as the mean image of "both".
 
         Raises ValueError where it has none.
         """

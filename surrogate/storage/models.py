@@ -125,7 +125,11 @@ def read_record(directory: str | os.PathLike[str]) -> dict[str, Any]:
     path = Path(directory) / RECORD
     if not path.is_file():
         raise FileNotFoundError(_absence(Path(directory)))
-    with damaged(str(path)), part("the file"), opened_inside(Path(directory), RECORD, MOST_RECORD_BYTES) as (file, size):
+    with (
+        damaged(str(path)),
+        part("the file"),
+        opened_inside(Path(directory), RECORD, MOST_RECORD_BYTES) as (file, size),
+    ):
         return _record(file.read(size))
 
 

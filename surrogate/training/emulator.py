@@ -124,11 +124,12 @@ def compared(surrogate: Surrogate, catalog: Catalog) -> RepresentationScores:
             [scores] = score_cases(predictor, catalog, cases)
             if (score := mean(scores.values(), "psnr")) is not None:
                 psnr.setdefault(kind, {})[name] = score
-    if not groups[VIEW] and (better := _better_without(surrogate, catalog, base)):
-        psnr[VIEW] = better
+    left_out = {} if groups[VIEW] else _better_without(surrogate, catalog, base)
+    if left_out:
+        psnr[VIEW] = left_out
     if FUNCTION not in psnr and (under := scores_under_other_functions(surrogate, catalog)):
         psnr[FUNCTION] = under
-    return RepresentationScores(psnr, surrogate.sizes, speeds(surrogate, catalog.members))
+    return RepresentationScores(psnr, surrogate.sizes, speeds(surrogate, catalog.members), bool(left_out))
 
 
 def _better_without(surrogate: Surrogate, catalog: Catalog, cases: Sequence[Case]) -> dict[str, float]:
@@ -159,7 +160,7 @@ def with_emulator(source: Source, directory: Path, fingerprint: str, *, required
     Raises NoEmulator where one is `required` and can't be, ValueError where `directory` holds that of another run.
     """
     if FieldModel.exists(directory):
-        if FieldModel.load(directory).training.get("fingerprint") != fingerprint:
+        if FieldModel.fingerprint(directory) != fingerprint:
             raise ValueError(
                 f"{directory} holds the emulator of another run: delete that folder, or train into another one"
             )
@@ -220,4 +221,5 @@ def described(scores: RepresentationScores, kind: str = VIEW) -> Iterator[str]:
 
 def _facts(scores: RepresentationScores, psnr: Mapping[str, float], name: str) -> str:
     size, milliseconds = scores.megabytes.get(name, 0.0), scores.milliseconds.get(name, 0.0)
-    return f"{psnr[name]:.1f} dB on validation images, {size:.2g} MB, {milliseconds:.2g} ms a picture"
+    of = "left-out members" if scores.left_out else "validation images"
+    return f"{psnr[name]:.1f} dB on {of}, {size:.2g} MB, {milliseconds:.2g} ms a picture"

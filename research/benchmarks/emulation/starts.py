@@ -5,7 +5,7 @@
 
 Trains stage 2 on one core for each share, and once without the field (the start on in-situ points), on the same images in
 the same order. Scores, on test images that nothing was chosen by: Gaussians at members that were learnt and at others, the
-emulated field, and the mean of both. KEY=VALUE are those of a scene's [training] table. Prints Markdown; `--write` puts
+emulated field, and the mean image. KEY=VALUE are those of a scene's [training] table. Prints Markdown; `--write` puts
 it into docs/emulation.md.
 """
 
@@ -37,7 +37,7 @@ from surrogate.training.source import Source
 from surrogate.training.stages import new_deformation, simulation_stage
 
 PAGE, PART, MOST = DOCS / "emulation.md", "starts", 200
-HEADER = ("share of the field", "steps", "processor s", "Gaussians, seen", "Gaussians, unseen", "mean of both, unseen")
+HEADER = ("share of the field", "steps", "processor s", "Gaussians, seen", "Gaussians, unseen", "mean image, unseen")
 
 
 @dataclass(frozen=True, eq=False)

@@ -141,7 +141,9 @@ def test_what_has_no_gaussians_has_no_ply_and_no_gradients(run: Run, alone: Run)
         exported({**message(), "kind": "ply"}, alone)
     with pytest.raises(ValueError, match=r"pictures by the emulated field have no gradients.*train Gaussians as well"):
         alone.surrogate.differentiable()
-    with pytest.raises(ValueError, match=r"by the mean of both have no gradients.*using\(\"gaussians\"\)"):
+    with pytest.raises(
+        ValueError, match=r"by the mean image of Gaussians and field have no gradients.*using\(\"gaussians\"\)"
+    ):
         run.surrogate.using(BOTH).differentiable()
     assert len(run.surrogate.differentiable().state_dict())
 

@@ -65,7 +65,11 @@ def test_all_representations_stand_side_by_side(
     assert drawn["megabytes"] == surrogate.sizes
     rows = [line.strip("| ").split(" | ") for line in text.splitlines() if line.startswith("| views | ")]
     shown = [row for row in rows if len(row) == 6]
-    assert [row[1] for row in shown] == ["by its Gaussians", "from its emulated field", "as the mean of both"]
+    assert [row[1] for row in shown] == [
+        "by its Gaussians",
+        "from its emulated field",
+        "as the mean image of Gaussians and field",
+    ]
     assert [row[1] for row in shown if row[2].startswith("**")] == ["from its emulated field"]
     assert "Views are drawn from its emulated field: on validation images that is " in text
     assert "**surrogate**, drawn from its emulated field, " in text

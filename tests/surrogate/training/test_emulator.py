@@ -44,7 +44,7 @@ def test_the_command_stops_after_the_field_and_goes_on(catalog: Catalog, tmp_pat
     whole = CliRunner().invoke(main, arguments)
     assert whole.exit_code == 0, whole.output
     assert "drawn best from its emulated field: " in whole.output
-    assert "as the mean of both: " in whole.output
+    assert "as the mean image of Gaussians and field: " in whole.output
     surrogate = Surrogate.load(folder)
     assert surrogate.representations == (GAUSSIANS, FIELD, BOTH)
     scores = json.loads((folder / "representations.json").read_text())
@@ -52,6 +52,16 @@ def test_the_command_stops_after_the_field_and_goes_on(catalog: Catalog, tmp_pat
     assert set(scores["psnr"]["transfer_function"]) == {GAUSSIANS, FIELD, BOTH}
     shown = CliRunner().invoke(main, ["show", str(tmp_path / "run")])
     assert "drawn best from its emulated field: " in shown.output
+
+
+def test_without_validation_members_left_out_ones_are_scored(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("tests.support.field_catalogs.VALIDATED", ())
+    catalog = rendered(tmp_path / "a.cdb", surface=False)
+    arguments = ["train", str(catalog.path), "-o", str(tmp_path / "run"), "--model", "field"]
+    output = CliRunner().invoke(main, arguments).output
+    assert " dB on left-out members, " in output
+    assert "validation images" not in output
+    assert Surrogate.load(tmp_path / "run" / "surrogate").scores.left_out
 
 
 def test_gaussians_start_from_the_field(catalog: Catalog, tmp_path: Path) -> None:
