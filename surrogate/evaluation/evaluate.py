@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from typing import Any
@@ -30,7 +30,8 @@ from surrogate.evaluation.trivial.interpolation import joint_rules, setting_rule
 from surrogate.evaluation.trivial.members import member_mixtures
 from surrogate.evaluation.trivial.mixtures import Mixtures
 from surrogate.evaluation.trivial.settings import SettingPictures, TrainedPictures
-from surrogate.model import MemberModel, Surrogate
+from surrogate.model import Surrogate
+from surrogate.model.judged import judged
 from surrogate.model.representation import BOTH, FIELD, GAUSSIANS, VIEW
 from surrogate.splatting.threads import one_torch_thread
 
@@ -129,12 +130,13 @@ class Evaluation:
 @one_torch_thread()
 def evaluate(surrogate: Surrogate, catalog: Catalog, *, progress: Report = lambda *_: None) -> Evaluation:
     """Score `surrogate` on the test and validation images of `catalog`."""
-    engine = _Engine(surrogate, catalog, progress, PerceptualMetrics.load(), DecodedImages(catalog))
+    unseeing = judged(surrogate, catalog)
+    engine = _Engine(surrogate, unseeing, catalog, progress, PerceptualMetrics.load(), DecodedImages(catalog))
     appearance = str(surrogate.training["appearance"])
     cells, watched = base_cells(catalog, appearance), base_validation(catalog, appearance)
-    judged, unseen = sample_of(watched), {row: columns["unseen_parameters"] for row, columns in cells.items()}
-    scored = engine.cells("surrogate", cells, judged, list(unseen.values()))
-    groups = {**unseen, VALIDATION: [case for case in judged if case.member.split == VALIDATION]}
+    validated, unseen = sample_of(watched), {row: columns["unseen_parameters"] for row, columns in cells.items()}
+    scored = engine.cells("surrogate", cells, validated, list(unseen.values()))
+    groups = {**unseen, VALIDATION: [case for case in validated if case.member.split == VALIDATION]}
     change, view = measure(surrogate, catalog.members)
     return Evaluation(
         *scored,
@@ -157,15 +159,18 @@ class _Engine:
     """Scores the surrogate and its baselines on groups of images of one catalog."""
 
     surrogate: Surrogate
+    unseeing: Surrogate  # the same before it learnt from validation members
     catalog: Catalog
     progress: Report
     perceptual: PerceptualMetrics
     images: Images
 
-    @property
-    def _at(self) -> Callable[..., MemberModel]:
-        """The surrogate at a member's parameters, which may lie outside the bounds."""
-        return partial(self.surrogate.at, outside="allow")
+    def predictor(self, using: str = "", **more: Any) -> SurrogatePredictor:
+        """The surrogate at members' parameters, which may lie outside the bounds, drawn by a representation or the best."""
+        ats = [
+            partial((one.using(using) if using else one).at, outside="allow") for one in (self.surrogate, self.unseeing)
+        ]
+        return SurrogatePredictor(ats[0], self.catalog.plan.background, at_validation=ats[1], **more)
 
     def cells(
         self, stage: str, cells: CaseCells, validation: Sequence[Case], looked_into: Sequence[Sequence[Case]]
@@ -174,9 +179,8 @@ class _Engine:
         metrics too."""
         few = {group[i] for group in looked_into for i in spread(len(group), MOST_PERCEPTUAL)}
         cases, progress = [*all_cases(cells), *validation], partial(self.progress, stage)
-        predictor = SurrogatePredictor(self._at, self.catalog.plan.background)
         [scores] = score_cases(
-            predictor, self.images, cases, perceptual=self.perceptual, looked_at=few, progress=progress
+            self.predictor(), self.images, cases, perceptual=self.perceptual, looked_at=few, progress=progress
         )
         return by_cell(cells, scores), [scores[case] for case in validation]
 
@@ -189,7 +193,7 @@ class _Engine:
         def at_middle(case: Case) -> dict[str, float | str]:
             return {**middle, **case.varied}
 
-        frozen = SurrogatePredictor(self._at, self.catalog.plan.background, at_middle, (AT_CENTER,))
+        frozen = self.predictor(parameters_of=at_middle, names=(AT_CENTER,))
         [scores] = score_cases(frozen, self.images, all_cases(cells), progress=progress)
         return by_cell(cells, scores)
 
@@ -207,9 +211,8 @@ class _Engine:
         baselines: list[Baseline] = []
         for name, megabytes in self.surrogate.sizes.items():
             if name != self.surrogate.representation(kind):
-                at = partial(self.surrogate.using(name).at, outside="allow")
                 title = f"{REPRESENTED[name]} ({megabytes:.2g} MB)"
-                predictor = SurrogatePredictor(at, self.catalog.plan.background, names=(title,))
+                predictor = self.predictor(name, names=(title,))
                 baselines += self.baselines(f"{title}, {kind}", predictor, groups, representation=name)
         return baselines
 
@@ -221,16 +224,16 @@ class _Engine:
     def variation(self, variation: Variation) -> VariedEvaluation:
         """Scores of the surrogate under one variation."""
         members = self.catalog.members
-        cells, judged = variation_cells(self.catalog, variation), variation_validation(self.catalog, variation)
+        cells, validated = variation_cells(self.catalog, variation), variation_validation(self.catalog, variation)
         few = [group for row in cells.values() for group in row.values()]
-        scored = self.cells(f"surrogate, {variation.name}", cells, judged, few)
-        baselines = self.setting_baselines(variation, {**cells["unseen_settings"], VALIDATION: judged})
+        scored = self.cells(f"surrogate, {variation.name}", cells, validated, few)
+        baselines = self.setting_baselines(variation, {**cells["unseen_settings"], VALIDATION: validated})
         change, view = measure(
             self.surrogate, members, [variation.arguments(setting) for setting in variation.settings]
         )
         milliseconds = {"visualization_change": change, "view_change": view}
         frozen = self.at_center(f"{AT_CENTER}, {variation.name}", cells)
-        others = self.other_representations(variation.kind, {**cells[measured_row(variation)], VALIDATION: judged})
+        others = self.other_representations(variation.kind, {**cells[measured_row(variation)], VALIDATION: validated})
         return VariedEvaluation(
             variation, self._follows(variation), *scored, [*others, *baselines], milliseconds, frozen
         )
@@ -269,7 +272,7 @@ class _Engine:
             nearest = variation.setting(pictures.trained.nearest(pictures.place(case)))
             return {**case.member.parameters, **({} if nearest is None else variation.arguments(nearest))}
 
-        unmoved = SurrogatePredictor(self._at, self.catalog.plan.background, at_nearest, (AT_NEAREST,))
+        unmoved = self.predictor(parameters_of=at_nearest, names=(AT_NEAREST,))
         unseen = {"unseen_parameters": groups["unseen_parameters"]}
         of_member = self.baselines(stage, mixtures, groups, settings=span)
         joint = self.joint_baselines(variation, {**unseen, VALIDATION: groups[VALIDATION]})

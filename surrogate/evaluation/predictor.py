@@ -10,7 +10,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from surrogate.evaluation.cases import Case
+from surrogate.evaluation.cases import VALIDATION, Case
 from surrogate.model import MemberModel
 
 Draw = Callable[[Case], Iterable[NDArray[Any]]]
@@ -44,20 +44,24 @@ class SurrogatePredictor:
     at : `Surrogate.at`, or another function from parameters by name to a member.
     background : the colour behind opaque images; None for images with alpha.
     parameters_of : returns the parameters at which a case is rendered, by default its own.
+    at_validation : like `at`, for validation members, where the surrogate has learnt from them; see `surrogate.model.judged`.
     """
 
     at: Callable[..., MemberModel]
     background: Sequence[float] | None
     parameters_of: Callable[[Case], Mapping[str, float | str]] = lambda case: case.parameters
     names: Sequence[str] = ("the surrogate",)
+    at_validation: Callable[..., MemberModel] | None = None
 
     def batches(self, cases: Sequence[Case]) -> Iterator[tuple[Sequence[Case], Draw]]:
         """See `Predictor`."""
-        batches: dict[tuple[tuple[str, float | str], ...], list[Case]] = {}
+        batches: dict[tuple[bool, tuple[tuple[str, float | str], ...]], list[Case]] = {}
         for case in cases:
-            batches.setdefault(tuple(self.parameters_of(case).items()), []).append(case)
-        for parameters, batch in batches.items():
-            member = self.at(dict(parameters))
+            is_validation = case.member.split == VALIDATION
+            batches.setdefault((is_validation, tuple(self.parameters_of(case).items())), []).append(case)
+        for (is_validation, parameters), batch in batches.items():
+            at = self.at_validation if is_validation and self.at_validation else self.at
+            member = at(dict(parameters))
             through: dict[int, list[Case]] = {}
             for case in batch:
                 through.setdefault(id(case.camera), []).append(case)

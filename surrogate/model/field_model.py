@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from catalogs.store.catalog import Catalog
 from catalogs.vocabulary import numbers
 from catalogs.vocabulary.appearance import (
     Appearance,
@@ -25,6 +26,7 @@ from catalogs.vocabulary.appearance import (
 from catalogs.vocabulary.parameters import ParameterSpace
 from catalogs.vocabulary.variations import Variation, variation_from_json
 from catalogs.vocabulary.words import joined_names, one_line
+from surrogate.appearance.scale import ValueScale
 from surrogate.emulation import EmulatedField, EmulatedFields
 from surrogate.gaussians import Normalization
 from surrogate.model.emulated_member import EmulatedMember
@@ -33,6 +35,12 @@ from surrogate.storage import models
 from surrogate.storage.models import part
 
 FOLDER = "field"
+
+
+def scales_of(appearances: Sequence[Appearance]) -> dict[str, ValueScale]:
+    """The scales on which appearances show fields, by field; the first appearance of a field counts."""
+    volumes = [a for a in reversed(appearances) if isinstance(a, VolumeRendering)]
+    return {field_of(a): ValueScale.of_function(a.transfer_function) for a in volumes}
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,7 +74,7 @@ class FieldModel:
     appearances : those that can be drawn, the base first.
     variations : of the base.
     sample_distances : along rays, world units, by volume rendering: those that the catalog's images were rendered with.
-    training : how it came to be: `seconds`, `processor_seconds`, `fingerprint`, `appearance`, `settings`, `members`.
+    training : how it came to be: `seconds`, `processor_seconds`, `fingerprint`, `appearance`, `settings`, `splits`.
     """
 
     emulators: EmulatedFields
@@ -83,6 +91,20 @@ class FieldModel:
     def space(self) -> ParameterSpace:
         """The parameters' names, units and bounds."""
         return self.emulators.space
+
+    @property
+    def splits(self) -> tuple[str, ...]:
+        """The splits whose members it has learnt from."""
+        return tuple(self.training.get("splits", ("train",)))
+
+    def learning(self, catalog: Catalog, splits: Sequence[str]) -> FieldModel:
+        """The same fitted to the members of some splits, itself where it was; raises ValueError where these lack its fields."""
+        if set(splits) == set(self.splits):
+            return self
+        emulators = EmulatedFields.fit(catalog, scales_of(self.appearances), splits)
+        if lacking := set(self.emulators) - set(emulators):
+            raise ValueError(f"{catalog.path} no longer keeps the coarse fields {joined_names(sorted(lacking))}")
+        return replace(self, emulators=emulators, training={**self.training, "splits": list(splits)})
 
     def point(
         self, parameters: Mapping[str, Any], outside: Any, function: TransferFunction | None = None

@@ -15,14 +15,14 @@ import numpy as np
 from catalogs.store.catalog import Catalog, Member
 from catalogs.vocabulary.appearance import Appearance, Isosurface, VolumeRendering, field_of
 from catalogs.vocabulary.words import joined_names
-from surrogate.appearance.scale import ValueScale
 from surrogate.emulation import EmulatedFields
 from surrogate.emulation.fitting import FEWEST
 from surrogate.evaluation.cases import VALIDATION, Case, base_validation, variation_validation
 from surrogate.evaluation.predictor import SurrogatePredictor
 from surrogate.evaluation.scoring import mean, score_cases, spread
 from surrogate.model import Surrogate
-from surrogate.model.field_model import FieldModel
+from surrogate.model.field_model import FieldModel, scales_of
+from surrogate.model.judged import ALL_LEARNT, LEARNT, judged
 from surrogate.model.representation import DRAWN, FIELD, FUNCTION, GAUSSIANS, VIEW, RepresentationScores
 from surrogate.provenance import code, commit
 from surrogate.splatting.threads import one_torch_thread
@@ -78,10 +78,8 @@ def fit(source: Source, fingerprint: str) -> FieldModel:
         raise NoEmulator(f"{source.catalog.path}: {sentence}")
     started, processor = time.perf_counter(), time.process_time()
     appearances = drawable(source)
-    volumes = [a for a in reversed(appearances) if isinstance(a, VolumeRendering)]
-    scales = {field_of(a): ValueScale.of_function(a.transfer_function) for a in volumes}
     try:
-        emulators = EmulatedFields.fit(source.catalog, scales)
+        emulators = EmulatedFields.fit(source.catalog, scales_of(appearances), LEARNT)
     except ValueError as error:
         raise NoEmulator(f"{source.catalog.path}: {error}") from error
     return FieldModel(
@@ -99,6 +97,7 @@ def fit(source: Source, fingerprint: str) -> FieldModel:
             "commit": commit(),
             "code_version": code(),
             "settings": source.settings.to_json(),
+            "splits": list(LEARNT),
         },
     )
 
@@ -140,7 +139,7 @@ def _better_without(surrogate: Surrogate, catalog: Catalog, cases: Sequence[Case
     model, names = surrogate.field, list(dict.fromkeys(case.member.name for case in cases))
     if model is None or len(names) <= FEWEST:
         return {}
-    scales = {name: emulator.scale for name, emulator in model.emulators.items() if emulator.scale is not None}
+    scales = scales_of(model.appearances)
     scores: dict[str, list[float]] = {FIELD: [], GAUSSIANS: []}
     for name in (names[i] for i in spread(len(names), MOST_LEFT_OUT)):
         fields = replace(model, emulators=EmulatedFields.fit(catalog, scales, without=name))
@@ -174,13 +173,32 @@ def with_emulator(source: Source, directory: Path, fingerprint: str, *, required
     return ""
 
 
-def kept_scores(surrogate: Surrogate, catalog: Catalog, directory: Path) -> RepresentationScores:
-    """The scores of all that a surrogate in `directory` holds: compared and kept there now, unless that was done."""
-    if surrogate.field is None or set(surrogate.scores.milliseconds) == set(surrogate.representations):
-        return surrogate.scores
-    scores = compared(surrogate, catalog)
-    scores.save(directory)
-    return scores
+def with_choices(surrogate: Surrogate, catalog: Catalog, directory: Path) -> Surrogate:
+    """The surrogate in `directory` with the scores of all that it holds, and an emulator of all members but those for tests.
+
+    Both are made and kept there now, unless that was done.  The emulator learns from validation members after they have chosen.
+    """
+    first = surrogate.field
+    if first is None:
+        return surrogate
+    if set(surrogate.scores.milliseconds) != set(surrogate.representations):
+        scores = compared(judged(surrogate, catalog), catalog)
+        scores.save(directory)
+        surrogate = replace(surrogate, scores=scores)
+    last = _with_validation_members(first, catalog)
+    if last is not first:
+        last.save(directory)
+    return replace(surrogate, field=last)
+
+
+def _with_validation_members(field: FieldModel, catalog: Catalog) -> FieldModel:
+    """The emulator that learns from them too, if it can."""
+    if not any(member.split == VALIDATION and member.coarse_names() for member in catalog.members):
+        return field
+    try:
+        return field.learning(catalog, ALL_LEARNT)
+    except ValueError:  # their fields lie on another grid
+        return field
 
 
 def _of_validation_members(cases: Sequence[Case]) -> list[Case]:

@@ -13,7 +13,7 @@ from catalogs.store.splits import ordered_names, runs_of, shared_runs
 from catalogs.vocabulary.appearance import Appearance, Isosurface, VolumeRendering, field_of
 from catalogs.vocabulary.variations import Variation
 from catalogs.vocabulary.words import FEWEST_LEARNT, joined_names, plural, shortened
-from surrogate.evaluation.cases import Case, base_cells
+from surrogate.evaluation.cases import VALIDATION, Case, base_cells
 from surrogate.evaluation.predictor import SurrogatePredictor
 from surrogate.evaluation.scoring import mean, score_cases, spread
 from surrogate.model import Surrogate
@@ -65,6 +65,8 @@ def about(run: RunFolder, surrogate: Surrogate) -> Iterator[str]:
     for choice in surrogate.training.get("choices", ()):
         yield f"  needed: {choice['name']:<22} {choice['kept']}"
     yield from (f"  {sentence}" for sentence in described(surrogate.scores))
+    if surrogate.field is not None and VALIDATION in surrogate.field.splits:
+        yield "  its emulated field learnt from validation members, too, once they had chosen"
     if {"seconds", "steps"} <= set(surrogate.training):
         yield f"  trained in {surrogate.training['seconds']:.0f} s, {surrogate.training['steps']} steps"
 

@@ -20,6 +20,7 @@ import torch
 from catalogs.files import durable
 from catalogs.store.catalog import Catalog
 from surrogate.model import FieldModel, Surrogate
+from surrogate.model.judged import LEARNT
 from surrogate.provenance import code, commit
 from surrogate.rasterizer import Rasterizer
 from surrogate.settings import TrainingSettings
@@ -28,7 +29,7 @@ from surrogate.splatting.threads import one_torch_thread
 from surrogate.storage import models
 from surrogate.storage.checkpoints import CHECKPOINT, Checkpoint, fingerprint, locked
 from surrogate.training.data import TrainingData
-from surrogate.training.emulator import kept_scores, with_emulator
+from surrogate.training.emulator import with_choices, with_emulator
 from surrogate.training.ranks import ALONE, Ranks, require_own_gpu
 from surrogate.training.session import Interruption, ProgressReport, TrainingSession
 from surrogate.training.source import Source
@@ -111,6 +112,7 @@ def _trained(source: Source, checkpoint: Checkpoint | None, session: TrainingSes
     data = source.data()
     steps = plan(source, data)
     field = FieldModel.load(session.directory) if FieldModel.exists(session.directory) else None
+    field = field and field.learning(source.catalog, LEARNT)  # validation members choose while Gaussians are trained
     state = _begun(source, data, checkpoint, field)
     session.before, session.processor_before = state.seconds, state.processor_seconds
     with session.interruption:
@@ -178,10 +180,10 @@ def _steps(source: Source) -> int:
 
 
 def _finished(directory: Path, mark: str, source: Source, ranks: Ranks) -> Surrogate:
-    """The surrogate in `directory`, its representations compared where they were not yet."""
+    """The surrogate in `directory`, after the choices that its representations leave."""
     finished = Surrogate.load(directory)
     _check_mark(finished.training.get("fingerprint"), mark, directory)
-    return replace(finished, scores=ranks.by_first(lambda: kept_scores(finished, source.catalog, directory)))
+    return ranks.by_first(lambda: with_choices(finished, source.catalog, directory))
 
 
 def _check_mark(previous: str | None, mark: str, directory: Path) -> None:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import insitu
 from catalogs.store.catalog import Catalog
@@ -21,8 +23,10 @@ def field(p: float):  # type: ignore[no-untyped-def]
     return blob(size=SIZE) * (0.7 + 0.3 * p)
 
 
-def rendered(path: Path, *, coarse_field: bool = True, surface: bool = True) -> Catalog:
-    """The catalog at `path`, with coarse fields or without; 16² images from 12 views."""
+def rendered(
+    path: Path, *, coarse_field: bool = True, surface: bool = True, of: Callable[[float], Any] = field
+) -> Catalog:
+    """The catalog of a field at `path`, with coarse fields or without; 16² images from 12 views."""
     base = VolumeRendering("dvr", FUNCTION)
     family = isovalue_family("dvr", train=(0.2, 0.4), validation=(0.3,), test=(0.35,))
     varied = {"variations": [family.variation]} if surface else {}
@@ -34,5 +38,5 @@ def rendered(path: Path, *, coarse_field: bool = True, surface: bool = True) -> 
     ) as session:
         for split, values in (("train", TRAINED), ("validation", VALIDATED), ("test", TESTED)):
             for p in values:
-                session.render_member(field(p), {"p": p}, spacing=(1.1 / (SIZE - 1),) * 3, split=split)
+                session.render_member(of(p), {"p": p}, spacing=(1.1 / (SIZE - 1),) * 3, split=split)
     return Catalog.open(path)

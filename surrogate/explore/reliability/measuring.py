@@ -25,6 +25,7 @@ from surrogate.explore.reliability.points import appearances_of, base_name
 from surrogate.explore.run import Run
 from surrogate.explore.setting import Setting
 from surrogate.model import MemberModel, Surrogate
+from surrogate.model.judged import judged
 from surrogate.storage.records import Provenance, Record
 
 FILE = Path("explore") / "expectation.json"
@@ -149,11 +150,19 @@ def _measured(
     surrogate: Surrogate, catalog: Catalog, planned: Sequence[PlannedMeasurement], progress: Report
 ) -> Iterator[Measurement]:
     """Measure each case by each representation; those whose pictures can't be read are left out."""
-    pairs = [(case, using) for case in planned for using in surrogate.representations]
-    total, counted = sum(len(case.views) for case, _ in pairs), itertools.count(1)
-    for case, using in pairs:
+    by_split = {"train": surrogate}
+    with suppress(ValueError):  # the catalog has lost coarse fields
+        by_split["validation"] = judged(surrogate, catalog)
+    pairs = [
+        (case, using, by_split[case.member.split])
+        for case in planned
+        if case.member.split in by_split
+        for using in surrogate.representations
+    ]
+    total, counted = sum(len(case.views) for case, _, _ in pairs), itertools.count(1)
+    for case, using, own in pairs:
         member, setting = case.member, Setting(case.member.parameters, case.varied, using=using)
-        prediction = setting.member(surrogate)
+        prediction = setting.member(own)
         scores: list[float] = []
         for view in case.views:
             with suppress(ImageError):
