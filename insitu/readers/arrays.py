@@ -6,11 +6,13 @@ compared with the free memory before it is read.
 
 from __future__ import annotations
 
+import asyncio
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -28,6 +30,7 @@ HDF5 = {".h5", ".hdf5", ".he5", ".hdf", ".h5py"}
 NETCDF = {".nc", ".nc4", ".cdf", ".netcdf"}
 ZARR = {".zarr"}
 AS_STORED = {"mask_and_scale": False, "decode_times": False, "decode_coords": False, "cache": False}
+SMALL = 1 << 24  # bytes for which there is always room: the free memory is not asked for
 NETCDF4 = "reading this netCDF file takes netCDF4: pip install 'gs-surrogate[mpas]'"
 XARRAY = "reading {} takes xarray: pip install 'gs-surrogate[xarray]'"
 
@@ -152,6 +155,8 @@ def is_store(path: Path) -> bool:
 
 def check_room(size: int, what: str) -> None:
     """Raise ValueError where `what` takes more bytes than the memory that is free."""
+    if size < SMALL:
+        return
     import psutil
 
     free = psutil.virtual_memory().available
@@ -302,16 +307,24 @@ def _peculiar(file: h5py.File) -> tuple[set[str], set[str]]:
 @contextmanager
 def _zarr(path: Path) -> Iterator[Arrays]:
     check_store(path)
-    xarray = _xarray("Zarr")
+    opens = partial(_xarray("Zarr").open_groups, path, engine="zarr", consolidated=False, **AS_STORED)
     try:
-        with ThreadPoolExecutor(1) as thread:  # xarray calls asyncio.run, which a notebook's own thread refuses
-            opening = thread.submit(xarray.open_groups, path, engine="zarr", consolidated=False, **AS_STORED)
-            groups = opening.result()
+        groups = _outside_loops(opens)
     except (KeyError, ValueError):  # axes without names
         yield _of_zarr(path)
         return
     with _of_xarray(groups) as arrays:
         yield arrays
+
+
+def _outside_loops(call: Callable[[], Any]) -> Any:
+    """The result of `call`, in a thread of its own where an event loop runs, as in a notebook: xarray calls asyncio.run."""
+    try:
+        asyncio.get_running_loop()
+    except RuntimeError:
+        return call()
+    with ThreadPoolExecutor(1) as thread:
+        return thread.submit(call).result()
 
 
 def _xarray(kind: str) -> Any:

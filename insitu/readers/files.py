@@ -6,6 +6,7 @@ import math
 import os
 import zipfile
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any
@@ -89,10 +90,7 @@ def read_data(
             with unpacked(path) as inner:
                 return read_data(inner, location, array=array)
         if path.suffix == ".npy":
-            with path.open("rb") as file:
-                _claimed(file, path.stat().st_size, "it")
-            values = np.load(path, mmap_mode="r", allow_pickle=False)
-            return _plain(values, "", location)
+            return _plain(_mapped(path), "", location)
         if path.suffix == ".npz":
             return _packed(path, array, location)
         if is_store(path):
@@ -151,6 +149,18 @@ def _plain(values: NDArray[Any], name: str, location: FieldLocation) -> Field:
         values = values.transpose([int(order[letter]) for letter in "zyx"])
     spacing, origin = location.spacing or (1.0, 1.0, 1.0), location.origin or (0.0, 0.0, 0.0)
     return Field(values, tuple(spacing), tuple(origin), name)  # type: ignore[arg-type]
+
+
+def _mapped(path: Path) -> NDArray[Any]:
+    """The array of a .npy file, read as it is used; raises ValueError where its bytes are others than it claims, or too many."""
+    with suppress(ValueError, EOFError):  # the header says better what is wrong
+        values = np.load(path, mmap_mode="r", allow_pickle=False)
+        if isinstance(values, np.memmap) and values.offset + values.nbytes == path.stat().st_size:
+            check_room(values.nbytes, "it")
+            return values
+    with path.open("rb") as file:
+        _claimed(file, path.stat().st_size, "it")
+    return np.load(path, allow_pickle=False)
 
 
 def _packed(path: Path, array: str | None, location: FieldLocation) -> Field:

@@ -48,7 +48,7 @@ class MeshComponent:
 def recognizes(path: Path) -> bool:
     """True if an HDF5 file says that it follows openPMD."""
     try:
-        if path.suffix.lower() not in HDF5 or not path.is_file() or not h5py.is_hdf5(path):
+        if path.suffix.lower() not in HDF5 or not path.is_file():
             return False
         with h5py.File(path, "r") as file:
             return "openPMD" in file.attrs

@@ -31,7 +31,7 @@ TRAJECTORY, STEP = "trajectory", "step"
 def recognizes(path: Path) -> bool:
     """True if an HDF5 file is laid out as those of The Well are."""
     try:
-        if path.suffix.lower() not in HDF5 or not path.is_file() or not h5py.is_hdf5(path):
+        if path.suffix.lower() not in HDF5 or not path.is_file():
             return False
         with h5py.File(path, "r") as file:
             return "n_trajectories" in file.attrs and "dimensions/time" in file and ORDERS[0] in file
