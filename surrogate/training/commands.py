@@ -127,7 +127,9 @@ def _train(opened: OpenRun, ranks: Ranks, *, only_field: bool) -> None:
     for text in _notes(opened, is_finished) if ranks.is_first else ():
         click.echo(f"  {text}", err=True)
     if not is_finished and not only_field:
-        _fit_emulator(opened, ranks)
+        news = ranks.by_first(lambda: _fit_emulator(opened))
+        for text in news if ranks.is_first else ():
+            click.echo(f"  {text}", err=True)
     surrogate, opened = _trained(opened, ranks, only_field=only_field)  # which looks whether it is this one
     if not ranks.is_first:
         return
@@ -145,17 +147,17 @@ def _train(opened: OpenRun, ranks: Ranks, *, only_field: bool) -> None:
         click.echo(text)
 
 
-def _fit_emulator(opened: OpenRun, ranks: Ranks) -> None:
-    """Fit the emulator of the catalog's coarse fields, where it keeps them, and say how well it predicts."""
+def _fit_emulator(opened: OpenRun) -> list[str]:
+    """Fit the emulator of the catalog's coarse fields; return sentences on how well it predicts, or why there is none."""
+    from surrogate.model import Surrogate
     from surrogate.storage.checkpoints import fingerprint
-    from surrogate.training.emulator import described, with_emulator
+    from surrogate.training.emulator import described, with_emulator, with_scores
     from surrogate.training.source import Source
 
     source, mark = Source(opened.settings, opened.catalog), fingerprint(opened.settings, opened.catalog)
-    sentence = ranks.by_first(lambda: with_emulator(source, opened.model, mark))
-    scores = None if sentence else _trained(opened, ranks, only_field=True)[0].scores
-    for text in (described(scores) if scores else [f"no emulated field: {sentence}"]) if ranks.is_first else ():
-        click.echo(f"  {text}", err=True)
+    if lacking := with_emulator(source, opened.model, mark):
+        return [f"no emulated field: {lacking}"]
+    return list(described(with_scores(Surrogate.load(opened.model), opened.catalog, opened.model).scores))
 
 
 def _notes(opened: OpenRun, is_finished: bool) -> Iterator[str]:

@@ -173,20 +173,22 @@ def with_emulator(source: Source, directory: Path, fingerprint: str, *, required
     return ""
 
 
-def with_choices(surrogate: Surrogate, catalog: Catalog, directory: Path) -> Surrogate:
-    """The surrogate in `directory` with the scores of all that it holds, and an emulator of all members but those for tests.
-
-    Both are made and kept there now, unless that was done.  The emulator learns from validation members after they have chosen.
-    """
-    first = surrogate.field
-    if first is None:
+def with_scores(surrogate: Surrogate, catalog: Catalog, directory: Path) -> Surrogate:
+    """The surrogate in `directory` with the scores of all that it holds: compared and kept there now, unless that was done."""
+    if surrogate.field is None or set(surrogate.scores.milliseconds) == set(surrogate.representations):
         return surrogate
-    if set(surrogate.scores.milliseconds) != set(surrogate.representations):
-        scores = compared(judged(surrogate, catalog), catalog)
-        scores.save(directory)
-        surrogate = replace(surrogate, scores=scores)
-    last = _with_validation_members(first, catalog)
-    if last is not first:
+    scores = compared(judged(surrogate, catalog), catalog)
+    scores.save(directory)
+    return replace(surrogate, scores=scores)
+
+
+def with_choices(surrogate: Surrogate, catalog: Catalog, directory: Path) -> Surrogate:
+    """The same, whose emulator then learns from validation members, too, and is kept there."""
+    surrogate = with_scores(surrogate, catalog, directory)
+    if surrogate.field is None:
+        return surrogate
+    last = _with_validation_members(surrogate.field, catalog)
+    if last is not surrogate.field:
         last.save(directory)
     return replace(surrogate, field=last)
 
