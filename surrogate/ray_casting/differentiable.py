@@ -54,7 +54,7 @@ def volume_image(
     distances = checked_distance(field, sample_distance), transfer.opacity_unit_distance
     view = _View(field, value_range, knots.places, distances, camera, cores() if threads is None else threads)
     own_opacities, own_colors = (
-        torch.tensor(p).double()[:, 1:] for p in (transfer.opacity_points, transfer.color_points)
+        torch.tensor(p, dtype=torch.float64)[:, 1:] for p in (transfer.opacity_points, transfer.color_points)
     )
     nodes = torch.cat(
         [

@@ -59,7 +59,8 @@ def draw_volume_reference(
     samples = torch.from_numpy(field.filled.astype(np.float64)) if values is None else values.double()
     samples = ((samples - value_range[0]) / (value_range[1] - value_range[0])).clamp(-FARTHEST, FARTHEST)
     march = _March(_Box.of(field), samples, torch.from_numpy(knots.places), table, appearance, distance)
-    return _by_rays(camera, march.along)
+    nothing = 0.0 * (samples.sum() + table.sum())  # with gradients of zero, where no ray meets the box
+    return _by_rays(camera, march.along) + nothing
 
 
 def draw_isosurface_reference(
