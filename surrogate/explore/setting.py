@@ -12,7 +12,7 @@ from surrogate.appearance.field_gaussians import FieldGaussians
 from surrogate.deformation.values import ValuesDeformation
 from surrogate.explore.color_maps import color_points
 from surrogate.model import MemberModel, Surrogate
-from surrogate.model.representation import FUNCTION, WORDS
+from surrogate.model.representation import DRAWN
 
 
 @dataclass(frozen=True)
@@ -50,7 +50,7 @@ class Setting:
 
     def shown_as(self, words: str) -> str:
         """The same of other words on its values."""
-        return ", ".join(filter(None, [words, self.color_map, self.using and f"by the {WORDS[self.using]}"]))
+        return ", ".join(filter(None, [words, self.color_map, self.using and DRAWN[self.using]]))
 
     def member(self, surrogate: Surrogate) -> MemberModel:
         """The surrogate at this setting; raises ValueError as `Surrogate.at` and `Surrogate.under` do.
@@ -67,7 +67,7 @@ class Setting:
         """The one of `surrogate.representations` that draws it."""
         if self.using:
             return self.using
-        return surrogate.representation(FUNCTION) if self.color_map else surrogate.drawn_by(self.visualization)
+        return surrogate.drawn_by(self.visualization, under=bool(self.color_map))
 
     def transfer_function(self, surrogate: Surrogate) -> TransferFunction:
         """The one that is shown; raises ValueError where the surrogate follows none, or where control points cross."""

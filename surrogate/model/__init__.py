@@ -2,6 +2,7 @@
 
 from surrogate.model.deformed import DeformedGaussians
 from surrogate.model.differentiable import DifferentiableSurrogate
+from surrogate.model.differentiable_field import DifferentiableChoice, DifferentiableField
 from surrogate.model.emulated_member import EmulatedMember
 from surrogate.model.field_model import FieldModel
 from surrogate.model.mean_member import MeanMember, MemberModel
@@ -10,6 +11,8 @@ from surrogate.model.surrogate import Surrogate
 
 __all__ = [
     "DeformedGaussians",
+    "DifferentiableChoice",
+    "DifferentiableField",
     "DifferentiableSurrogate",
     "EmulatedMember",
     "FieldModel",

@@ -12,17 +12,18 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
+from catalogs.vocabulary.appearance import TransferFunction
 from catalogs.vocabulary.cameras import Camera
 from catalogs.vocabulary.parameters import ParameterSpace
 from catalogs.vocabulary.variations import Variation
 from catalogs.vocabulary.variations.isovalue import IsovalueVariation
 from catalogs.vocabulary.words import joined_names
-from surrogate.appearance.field_gaussians import AnyGaussians
+from surrogate.appearance.field_gaussians import AnyGaussians, FieldGaussians
 from surrogate.deformation import BilinearDeformation
 from surrogate.deformation.visualization import Visualization
 from surrogate.gaussians import Gaussians, Normalization
 from surrogate.model.deformed import checked_background
-from surrogate.model.places import ParameterPoint, place_of
+from surrogate.model.places import ParameterPoint, place_of, transfer_place
 from surrogate.model.rigid import in_camera, posed
 from surrogate.rasterizer import Rasterizer, primitives
 
@@ -46,9 +47,9 @@ class DifferentiableSurrogate(torch.nn.Module):
     Its torch parameters are copies of the Gaussians' tensors (`means`, `log_scales`, `quats`, `opacity_logits`, and `colors` or
     `values`) and of the deformations'.  `requires_grad_(False)` saves their gradients where only those by the arguments are wanted.
 
-    There are no gradients by the camera's intrinsics, a transfer function given as such, or the order of the Gaussians in depth.
-    Displacements of a function by tensors raise ValueError where the Gaussians carry values.  The kernels can be differentiated
-    once.
+    There are no gradients by the camera's intrinsics, a transfer function's control points, or the order of the Gaussians in
+    depth.  Displacements of a function by tensors raise ValueError where the Gaussians carry values.  The kernels can be
+    differentiated once.
     """
 
     def __init__(
@@ -75,6 +76,9 @@ class DifferentiableSurrogate(torch.nn.Module):
         *,
         pose: Tensor | None = None,
         background: Sequence[float] | None = None,
+        transfer_function: TransferFunction | None = None,
+        opacities: Tensor | None = None,
+        colors: Tensor | None = None,
     ) -> Tensor:
         """The picture (H, W, 4), premultiplied RGBA: that of `at(...).render(camera)`, before it is cut to [0, 1].
 
@@ -86,12 +90,19 @@ class DifferentiableSurrogate(torch.nn.Module):
             `torch.linalg.matrix_exp`.  Only gradients along rigid motions mean anything.  Numbers then differ from those without
             it in their last digits.
         background : (red, green, blue) each in [0, 1], on which the picture is composited, alpha 1.
+        transfer_function : any, as `Surrogate.under` takes it.
+        opacities, colors : None, for Gaussians have no gradient by those of the function's control points.
 
-        Raises ValueError as `at` and `render` do, and for a pose that is not rigid.  What lies behind the camera, or is not seen,
-        has zero gradients.
+        Raises ValueError as `at`, `under` and `render` do, and for a pose that is not rigid.  What lies behind the camera, or is
+        not seen, has zero gradients.
         """
         behind = checked_background(background)
-        gaussians = self.deformed(parameters)
+        if opacities is not None or colors is not None:
+            raise ValueError(
+                "pictures by Gaussians have no gradient by a function's control points: give all in `transfer_function`, or "
+                'take pictures of `using("field")`'
+            )
+        gaussians = self.deformed(parameters, transfer_function)
         if pose is None:
             view = self.normalization.camera(camera)
             projected = primitives(gaussians, view)
@@ -99,25 +110,22 @@ class DifferentiableSurrogate(torch.nn.Module):
             view = replace(posed(camera, pose), world_to_camera=np.eye(4))
             projected = in_camera(gaussians, self.normalization, pose)
         picture = self.rasterizer.draw_primitives(projected, gaussians, view, BLACK)  # [H, W, 4]
-        if behind is None:
-            return picture
-        color = picture[..., :3] + (1.0 - picture[..., 3:]) * torch.from_numpy(behind).to(picture)
-        return torch.cat([color, torch.ones_like(picture[..., 3:])], dim=2)
+        return composited(picture, behind)
 
-    def deformed(self, parameters: Tensor | Mapping[str, Any]) -> Gaussians:
+    def deformed(
+        self, parameters: Tensor | Mapping[str, Any], transfer_function: TransferFunction | None = None
+    ) -> Gaussians:
         """The Gaussians of one member, in normalized coordinates, differentiable as `forward` is."""
-        named = self._named(parameters)
-        numbers = {n: float(v.detach()) if isinstance(v, Tensor) else v for n, v in named.items()}
-        place = place_of(self.space, self._visualizations, numbers, "allow")
+        named = named_tensors(self.space, parameters)
+        numbers, among = numbers_of(named), (self.space, self._visualizations)
+        if transfer_function is None:
+            place = place_of(*among, numbers, "allow")
+        else:
+            carried = isinstance(self._gaussians, FieldGaussians)
+            place = transfer_place(*among, numbers, transfer_function, "allow", carried=carried)
         self._check_differentiable(place, named)
         normalized = self._normalized(place, named).to(self._gaussians.means)  # [P + V]
-        if place.visualization is None:
-            gaussians = self._deformation.deformed(self._gaussians, normalized).drawn()
-        else:
-            gaussians = place.visualization.gaussians_at(self._gaussians, self._deformation, normalized)
-        if place.warnings:
-            place.check_finite(gaussians)
-        return gaussians
+        return place.deformed(self._gaussians, self._deformation, normalized)
 
     def __repr__(self) -> str:
         like = self._gaussians.means
@@ -129,22 +137,6 @@ class DifferentiableSurrogate(torch.nn.Module):
         for name, parameter in own.items():
             self.register_parameter(prefix + name.replace(".", "_"), parameter)
         return dict(own)
-
-    def _named(self, parameters: Any) -> dict[str, Any]:
-        if isinstance(parameters, Mapping):
-            named = dict(parameters)
-        elif isinstance(parameters, Tensor) and parameters.shape == (len(self.space),):
-            named = dict(zip(self.space.names, parameters.unbind(0), strict=True))
-        else:
-            raise ValueError(
-                f"parameters must be a tensor of shape ({len(self.space)},), for {joined_names(self.space.names)}, "
-                "or a mapping of names, "
-                f"got {getattr(parameters, 'shape', type(parameters).__name__)}"
-            )
-        for name, value in named.items():
-            if isinstance(value, Tensor) and value.numel() != 1:
-                raise ValueError(f"parameter {name} must be one number, got shape {tuple(value.shape)}")
-        return {n: v.reshape(()) if isinstance(v, Tensor) else v for n, v in named.items()}
 
     def _check_differentiable(self, place: ParameterPoint, named: Mapping[str, Any]) -> None:
         """Raise ValueError for a gradient by a transfer function that is applied to carried values, which there is none of."""
@@ -159,12 +151,52 @@ class DifferentiableSurrogate(torch.nn.Module):
 
     def _normalized(self, place: ParameterPoint, named: Mapping[str, Any]) -> Tensor:
         """The normalized parameters (P + V,) float64 of a place, with the gradient by those that were given as tensors."""
-        parts = [_follow(place.simulation, self.space.names, named, _slopes(self.space, place.parameters))]
+        parts = [simulation_tensor(self.space, place.simulation, named, place.parameters)]
         if place.visualization is not None and place.settings is not None:
             variation = place.visualization.variation
             slopes = _visual_slopes(variation, place.parameters)
             parts.append(_follow(place.settings, variation.space.names, named, slopes))
         return torch.cat(parts)
+
+
+def named_tensors(space: ParameterSpace, parameters: Any) -> dict[str, Any]:
+    """Parameters by name, tensors among them of shape ().
+
+    Raises ValueError for other shapes, or what is neither (P,) nor a mapping.
+    """
+    if isinstance(parameters, Mapping):
+        named = dict(parameters)
+    elif isinstance(parameters, Tensor) and parameters.shape == (len(space),):
+        named = dict(zip(space.names, parameters.unbind(0), strict=True))
+    else:
+        raise ValueError(
+            f"parameters must be a tensor of shape ({len(space)},), for {joined_names(space.names)}, or a mapping of names, "
+            f"got {getattr(parameters, 'shape', type(parameters).__name__)}"
+        )
+    for name, value in named.items():
+        if isinstance(value, Tensor) and value.numel() != 1:
+            raise ValueError(f"parameter {name} must be one number, got shape {tuple(value.shape)}")
+    return {n: v.reshape(()) if isinstance(v, Tensor) else v for n, v in named.items()}
+
+
+def numbers_of(named: Mapping[str, Any]) -> dict[str, Any]:
+    """The same with numbers instead of tensors."""
+    return {n: float(v.detach()) if isinstance(v, Tensor) else v for n, v in named.items()}
+
+
+def simulation_tensor(
+    space: ParameterSpace, normalized: NDArray[np.float64], named: Mapping[str, Any], values: Mapping[str, Any]
+) -> Tensor:
+    """Normalized simulation parameters (P,) float64 of `values`, with the gradient by those that were `named` as tensors."""
+    return _follow(normalized, space.names, named, _slopes(space, values))
+
+
+def composited(picture: Tensor, background: NDArray[np.float32] | None) -> Tensor:
+    """A picture (H, W, 4), premultiplied RGBA, on a background (3,), where there is one."""
+    if background is None:
+        return picture
+    color = picture[..., :3] + (1.0 - picture[..., 3:]) * torch.from_numpy(background).to(picture)
+    return torch.cat([color, torch.ones_like(picture[..., 3:])], dim=2)
 
 
 def _follow(

@@ -49,14 +49,24 @@ class EmulatedMember:
         return self._field if shape is None else self._field.resampled(shape)
 
     @cached_property
-    def _caster(self) -> VolumeCaster | SurfaceCaster:
+    def samples(self) -> SampledField:
+        """The field as it is drawn."""
         field = self._field
-        samples = SampledField(field.values, field.holes, field.spacing, field.origin)
+        return SampledField(field.values, field.holes, field.spacing, field.origin)
+
+    @cached_property
+    def distance(self) -> float:
+        """Between samples along rays through a volume, world units."""
+        if self.sample_distance:
+            return self.sample_distance
+        assert isinstance(self.appearance, VolumeRendering)
+        return fitting_distance(self.samples, self.appearance, first_camera(self.normalization))
+
+    @cached_property
+    def _caster(self) -> VolumeCaster | SurfaceCaster:
         if isinstance(self.appearance, VolumeRendering):
-            camera = first_camera(self.normalization)
-            distance = self.sample_distance or fitting_distance(samples, self.appearance, camera)
-            return VolumeCaster.of(samples, self.appearance, sample_distance=distance)
-        return SurfaceCaster.of(samples, self.appearance)
+            return VolumeCaster.of(self.samples, self.appearance, sample_distance=self.distance)
+        return SurfaceCaster.of(self.samples, self.appearance)
 
     def render(self, camera: Camera, *, background: Sequence[float] | None = None) -> NDArray[np.float32]:
         """The picture that `camera` (world units) sees, (H, W, 4) float32 premultiplied RGBA in [0, 1].

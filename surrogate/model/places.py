@@ -54,19 +54,23 @@ class ParameterPoint:
     def deform(self, gaussians: AnyGaussians, simulation: BilinearDeformation) -> Gaussians:
         """The canonical `gaussians` as they are drawn here; raises ValueError where they are not finite."""
         with torch.no_grad():
-            if self.function is not None and isinstance(gaussians, FieldGaussians):
-                deformed = simulation.deformed(gaussians, self.normalized).drawn(self.function)
-            elif self.visualization is None:
-                deformed = simulation.deformed(gaussians, self.normalized).drawn()
-            elif self.function is not None:
-                deformed = self.visualization.under(gaussians, simulation, self.normalized, self.function)
-            else:
-                deformed = self.visualization.gaussians_at(gaussians, simulation, self.normalized)
-            if self.warnings:
-                self.check_finite(deformed)
+            return self.deformed(gaussians, simulation, self.normalized)
+
+    def deformed(self, gaussians: AnyGaussians, simulation: BilinearDeformation, normalized: torch.Tensor) -> Gaussians:
+        """The same at `normalized` parameters (P + V,), which torch can differentiate."""
+        if self.function is not None and isinstance(gaussians, FieldGaussians):
+            deformed = simulation.deformed(gaussians, normalized).drawn(self.function)
+        elif self.visualization is None:
+            deformed = simulation.deformed(gaussians, normalized).drawn()
+        elif self.function is not None:
+            deformed = self.visualization.under(gaussians, simulation, normalized, self.function)
+        else:
+            deformed = self.visualization.gaussians_at(gaussians, simulation, normalized)
+        if self.warnings:
+            self._check_finite(deformed)
         return deformed
 
-    def check_finite(self, deformed: Gaussians) -> None:
+    def _check_finite(self, deformed: Gaussians) -> None:
         """Raise ValueError where Gaussians here can't be drawn."""
         tensors = (deformed.means, deformed.scales(), deformed.quats, deformed.opacities(), deformed.colors)
         if not all(bool(torch.isfinite(tensor).all()) for tensor in tensors):

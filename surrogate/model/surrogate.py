@@ -29,12 +29,13 @@ from surrogate.gaussians import Normalization
 from surrogate.model.batches import draw_all, paired, rows_of, warn_of
 from surrogate.model.deformed import DeformedGaussians, checked_background
 from surrogate.model.differentiable import DifferentiableSurrogate
+from surrogate.model.differentiable_field import DifferentiableChoice, DifferentiableField
 from surrogate.model.field_model import FOLDER, FieldModel, FieldPoint
 from surrogate.model.form import fields_of, stored_form, without_gaussians
 from surrogate.model.mean_member import MeanMember, MemberModel
 from surrogate.model.places import ParameterPoint, place_of, transfer_place
 from surrogate.model.points import AnyPoint, BothPoints
-from surrogate.model.representation import BOTH, FIELD, FUNCTION, GAUSSIANS, KINDS, VIEW, WORDS, RepresentationScores
+from surrogate.model.representation import BOTH, FIELD, FUNCTION, GAUSSIANS, KINDS, VIEW, RepresentationScores
 from surrogate.model.representation import FILE as SCORES
 from surrogate.notebook import surrogate_html
 from surrogate.rasterizer import Rasterizer
@@ -107,8 +108,10 @@ class Surrogate:
         chosen = self.only or self.scores.better(kind)
         return chosen if chosen in self.representations else self.representations[0]
 
-    def drawn_by(self, parameters: Iterable[str]) -> str:
-        """The one of `representations` that draws pictures where parameters of these names are given to `at`."""
+    def drawn_by(self, parameters: Iterable[str], *, under: bool = False) -> str:
+        """The one of `representations` that draws where `at` gets parameters of these names, or `under` a transfer function."""
+        if under:
+            return self.representation(FUNCTION)
         kinds = (v.kind for v in self.variations if not set(v.argument_names).isdisjoint(parameters))
         return self.representation(next(kinds, VIEW))
 
@@ -188,25 +191,33 @@ class Surrogate:
 
     def differentiable(
         self, device: str | torch.device = "cpu", *, dtype: torch.dtype = torch.float32
-    ) -> DifferentiableSurrogate:
-        """Its Gaussians as a torch module, whose pictures have gradients by parameters, the camera's pose and all that was trained.
+    ) -> DifferentiableSurrogate | DifferentiableField | DifferentiableChoice:
+        """A torch module whose pictures, those of `at`, have gradients by parameters and more.
 
-        They are those of `using("gaussians")`, whatever draws the pictures of this surrogate best.
+        Like `at` it draws by what did better at that kind of question, or by what `using` named.  Gaussians have gradients by the
+        camera's pose and all that was trained as well, the emulated field by a transfer function's control points.
 
         Parameters
         ----------
-        device : "cpu", whose gradients are those of the C++ kernels, or "cuda", of gsplat.
+        device : "cpu", whose gradients are those of the C++ kernels, or "cuda", of gsplat, which draws Gaussians alone.
         dtype : float32, or float64, which plain torch draws: slow, and the definition.
 
-        Raises as `to`, and ValueError for other types, without Gaussians, and where `using` names what has no gradients.  The
-        numbers are copies: this surrogate never changes.
+        Raises as `to`, and ValueError for other types, or an emulated field on "cuda".  The numbers are copies: this surrogate
+        never changes.
         """
-        if not len(self.gaussians) or self.only not in ("", GAUSSIANS):
-            drawn_by = WORDS[self.only or self.representations[0]]
-            remedy = 'take those of `using("gaussians")`' if len(self.gaussians) else "train Gaussians as well"
-            raise ValueError(f"pictures by the {drawn_by} have no gradients, only those by Gaussians: {remedy}")
         if dtype not in (torch.float32, torch.float64):
             raise ValueError(f"dtype must be torch.float32 or torch.float64, got {dtype}")
+        drawn_by = {self.representation(kind) for kind in KINDS}
+        if self.field is None or drawn_by == {GAUSSIANS}:
+            return self._differentiable_gaussians(device, dtype)
+        if torch.device(device).type != "cpu":
+            raise ValueError(f'an emulated field is drawn on "cpu", not on {str(device)!r}: take `using("gaussians")`')
+        field = DifferentiableField(self.field, dtype)
+        if drawn_by == {FIELD}:
+            return field
+        return DifferentiableChoice(self._differentiable_gaussians(device, dtype), field, self.drawn_by)
+
+    def _differentiable_gaussians(self, device: str | torch.device, dtype: torch.dtype) -> DifferentiableSurrogate:
         moved, rasterizer = self.to(device), self.rasterizer.for_any_device()
         return DifferentiableSurrogate(
             moved.gaussians.to(dtype),
@@ -237,7 +248,7 @@ class Surrogate:
         return tuple(name for variation in self.variations for name in variation.argument_names)
 
     def _place(self, parameters: Mapping[str, Any], outside: Any, function: TransferFunction | None = None) -> AnyPoint:
-        drawn_by = self.drawn_by(parameters) if function is None else self.representation(FUNCTION)
+        drawn_by = self.drawn_by(parameters, under=function is not None)
         if self.field is None or drawn_by == GAUSSIANS:
             return self._gaussian_place(parameters, outside, function)
         point = self.field.point(parameters, outside, function)

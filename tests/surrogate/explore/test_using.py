@@ -15,6 +15,7 @@ from PIL import Image
 from surrogate.explore.exporting.exports import exported
 from surrogate.explore.exporting.options import from_options
 from surrogate.explore.exporting.pictures import record_of
+from surrogate.explore.exporting.sweep import Axis, Sweep, pictures
 from surrogate.explore.reliability.expectation import measure, stored_expectation
 from surrogate.explore.reliability.facts import facts
 from surrogate.explore.request import MessageError, frame_request
@@ -114,6 +115,15 @@ def test_exports_are_drawn_by_it(run: Run, kind: str) -> None:
     assert len({file.name for file in contents.values()}) == 3
 
 
+@pytest.mark.parametrize("using", ["", GAUSSIANS, FIELD, BOTH])
+def test_sweeps_are_drawn_by_it(run: Run, using: str) -> None:
+    camera = frame_request(message(), run.surrogate).camera
+    sweep = Sweep(Setting({"p": 0.1}, using=using), Axis("p", 0.1, 0.9, 3))
+    surrogate = run.surrogate.using(using) if using else run.surrogate
+    expected = surrogate.render({"p": [0.1, 0.5, 0.9]}, camera, background=(0.2, 0.3, 0.4))
+    np.testing.assert_array_equal(list(pictures(sweep, run.surrogate, camera, (0.2, 0.3, 0.4))), expected[..., :3])
+
+
 def test_the_snippet_draws_the_same(run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     asked = message({"using": GAUSSIANS}, background="#000000")
     program = exported({**asked, "kind": "python"}, run).content.decode()
@@ -135,17 +145,10 @@ def test_a_picture_that_was_drawn_by_one_is_drawn_so_again(run: Run, tmp_path: P
         from_options(NO_OPTIONS | {"using": "nobody"}, "png", run)
 
 
-def test_what_has_no_gaussians_has_no_ply_and_no_gradients(run: Run, alone: Run) -> None:
+def test_what_has_no_gaussians_has_no_ply(run: Run, alone: Run) -> None:
     assert exported({**message({"using": FIELD}), "kind": "ply"}, run).content.startswith(b"ply")
     with pytest.raises(ValueError, match=r"a \.ply holds Gaussians, and this surrogate has none"):
         exported({**message(), "kind": "ply"}, alone)
-    with pytest.raises(ValueError, match=r"pictures by the emulated field have no gradients.*train Gaussians as well"):
-        alone.surrogate.differentiable()
-    with pytest.raises(
-        ValueError, match=r"by the mean image of Gaussians and field have no gradients.*using\(\"gaussians\"\)"
-    ):
-        run.surrogate.using(BOTH).differentiable()
-    assert len(run.surrogate.differentiable().state_dict())
 
 
 @pytest.mark.parametrize("kind", ["png", "exr", "sheet", "python"])

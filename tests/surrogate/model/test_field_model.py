@@ -105,6 +105,20 @@ def test_one_face_whatever_draws(surrogate: Surrogate, catalog: Catalog) -> None
     np.testing.assert_allclose(both, (each[0] + each[1]) / 2.0, atol=1e-7)
 
 
+@pytest.mark.parametrize("name", [GAUSSIANS, FIELD, BOTH])
+def test_batches_are_drawn_by_any(surrogate: Surrogate, catalog: Catalog, name: str) -> None:
+    drawn, cameras = surrogate.using(name), list(catalog.plan.cameras[:4])
+    places = [0.1, 0.4, 0.7, 1.0]
+    for batch, expected in (
+        (drawn.render({"p": places}, cameras), [drawn.at(p=p) for p in places]),
+        (drawn.render({"p": P}, cameras), [drawn.at(p=P)] * 4),
+        (drawn.render({"p": places, "isovalue": 0.3}, cameras), [drawn.at(p=p, isovalue=0.3) for p in places]),
+        (drawn.render({"p": places}, cameras, transfer_function=OTHER), [drawn.under(OTHER, p=p) for p in places]),
+    ):
+        single = [member.render(camera) for member, camera in zip(expected, cameras, strict=True)]
+        np.testing.assert_array_equal(batch, single)
+
+
 def test_stored_copied_and_pickled_it_stays_the_same(surrogate: Surrogate, tmp_path: Path, catalog: Catalog) -> None:
     surrogate.save(tmp_path)
     camera = catalog.plan.cameras[0]
