@@ -55,17 +55,17 @@ copied); the same input gives bitwise the same output for any number of threads.
             light: red, green, blue, ambient, diffuse, specular, specular power, as `surrogate.lighting.Lighting` has them
     lit_colors_gradient(means, normals, light, position, by_colors, threads, instruction_set="")
             -> gradients by means and normals, from those by the colours (N, 3)
-    cast_field(values, holes, low, high, surface, threads) -> CastField
-            values (nz, ny, nx), of which low and high become 0 and 1; holes: bool, of the same shape, or None; surface: for which
-            of the two below
+    cast_field(values, holes, low, high, threads) -> CastField
+            values (nz, ny, nx), of which low and high become 0 and 1; holes: bool, of the same shape, or None
     cast_volume(field, knots, distances, light, rays, size, threads, instruction_set="") -> picture (H, W, 4)
             knots (K, 5): places increasing from 0 to 1, opacity, red, green, blue; distances: between samples, and of opacities
             light: None, or ambient, diffuse, specular, power; rays (5, 3): see `surrogate.ray_casting.fields`; size: width, height
     cast_gradient(field, knots, distances, rays, picture, gradient, every, threads, instruction_set="")
             -> gradients by the values drawn (nz, ny, nx) and by opacity, red, green and blue of the knots (K, 4), of a picture
             without a light and from a gradient by it (H, W, 4); without every, that by knots lacks steps of opacity 0
-    cast_surface(field, color, light, samples, rays, size, threads, instruction_set="") -> picture (H, W, 4)
-            of the surface where the field is 0; samples: along each side of a pixel, 1, 2 or 4; rays and size: of the samples
+    draw_surface(places, normals, corners, color, light, samples, rays, size, threads, instruction_set="")
+            -> picture (H, W, 4) of triangles with these corners (T, 3), rows of the places (V, 3), in the field's samples, and of
+            normals (V, 3); samples: along each side of a pixel, 1, 2 or 4; rays and size: of the samples
     step_rows(tensor, gradient, first, second, steps, rate, instruction_set="")
             changes tensor, both moments, of one shape (N, ...), and steps (N,) in place, where a row of the gradient is not zero
     instruction_sets() -> names, the best of this machine first; "" stands for what the environment variable

@@ -86,7 +86,7 @@ class _VolumeImage(torch.autograd.Function):
     def forward(ctx: Any, view: _View, values: Tensor, nodes: Tensor) -> Tensor:
         samples, within = drawn_values(view.field, view.value_range, needs_neighbours=False)
         ctx.view, ctx.dtype = view, values.dtype
-        ctx.samples = kernels.cast_field(samples, view.field.holes, *within, False, view.threads)
+        ctx.samples = kernels.cast_field(samples, view.field.holes, *within, view.threads)
         size = view.camera.width, view.camera.height
         rays = view.field.rays(view.camera)
         image = torch.from_numpy(

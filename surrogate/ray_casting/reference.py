@@ -19,6 +19,7 @@ from catalogs.vocabulary.cameras import Camera
 from surrogate.ray_casting.fields import SampledField
 from surrogate.ray_casting.functions import Knots, drawn_range
 from surrogate.ray_casting.isosurface import SAMPLES
+from surrogate.ray_casting.triangles import Triangles
 from surrogate.ray_casting.volume import HEADLIGHT, checked_distance
 
 OPAQUE = 1.0 / 8192.0  # light that is left where a ray ends early
@@ -26,8 +27,7 @@ SLACK = 1e-3  # of a step, that a ray may be longer than its steps
 FARTHEST = 1e6  # widths of the drawn range: values beyond are held there
 NEARLY_OPAQUE = 1e-6  # no derivative by an opacity that lies closer to 1
 ROUNDING = 2.0**-22  # of the values: a smaller difference of two interpolated ones is none
-SURFACE_STEP = 0.25  # samples, the longest step in which a surface is looked for
-RAYS_AT_ONCE = 4096
+RAYS_AT_ONCE, SURFACE_RAYS = 4096, 512
 
 
 def draw_volume_reference(
@@ -66,60 +66,39 @@ def draw_volume_reference(
 def draw_isosurface_reference(
     field: SampledField, appearance: Isosurface, camera: Camera, *, samples: int = SAMPLES
 ) -> Tensor:
-    """Premultiplied RGBA (height, width, 4), float64, as `draw_isosurface` defines it.
-
-    Each ray is cut into equal steps of a quarter of a sample at most.  The surface is in the first in which the field changes
-    its sign.
-    """
-    box, level = _Box.of(field), torch.from_numpy(field.filled.astype(np.float64)) - appearance.isovalue
-    slopes = [
-        torch.from_numpy(np.gradient(level.numpy(), axis=2 - axis)) / spacing
-        for axis, spacing in enumerate(field.spacing)
-    ]
+    """Premultiplied RGBA (height, width, 4), float64, as `draw_isosurface` defines it: every ray meets every triangle."""
+    triangles = Triangles.of(field, appearance.isovalue)
+    spacing, origin = (torch.tensor(numbers, dtype=torch.float64) for numbers in (field.spacing, field.origin))
+    corners = torch.from_numpy(triangles.corners).long()  # [T, 3]
+    first, second, third = (origin + torch.from_numpy(triangles.places) * spacing)[corners].unbind(1)  # [T, 3] each
+    normals = torch.from_numpy(triangles.normals)[corners]  # [T, 3, 3]
     light = appearance.ambient, appearance.diffuse, appearance.specular, appearance.specular_power
 
     def along(eye: Tensor, directions: Tensor) -> Tensor:
-        begin, step, steps = box.cut(eye, directions, 1.0 / (SURFACE_STEP * box.spacing))
-        counts = torch.arange(int(steps.max()) + 1)
-        places = begin[:, None] + counts.minimum(steps[:, None])[..., None] * step[:, None]  # [R, K, 3]
-        above = box.trilinear(level, places.reshape(-1, 3))[0].reshape(places.shape[:2]) >= 0.0  # [R, K]
-        crossed = above[:, 1:] != above[:, :-1]
+        sides, away = (second - first, third - first), eye - first  # the method of Möller & Trumbore (1997)
+        over = directions @ torch.cross(sides[1], sides[0], dim=1).T  # [R, T]
+        u = directions @ torch.cross(sides[1], away, dim=1).T / over
+        v = directions @ torch.cross(away, sides[0], dim=1).T / over
+        closeness = over / (sides[1] * torch.cross(away, sides[0], dim=1)).sum(dim=1)  # 1 over the distance
+        inside = (u >= 0.0) & (v >= 0.0) & (u + v <= 1.0) & (closeness > 0.0)
         image = torch.zeros(len(directions), 4, dtype=directions.dtype)
-        while crossed.any():
-            (rays,) = torch.nonzero(crossed.any(dim=1), as_tuple=True)
-            first = crossed[rays].int().argmax(dim=1)
-            crossed[rays, first] = False
-            hits = _bisected(box, level, begin[rays] + first[:, None] * step[rays], step[rays])
-            hidden = box.trilinear(level, hits)[1]
-            rays, hits = rays[~hidden], hits[~hidden]
-            crossed[rays] = False
-            gradients = torch.stack([box.trilinear(slope, hits)[0] for slope in slopes], dim=1)
-            color = torch.tensor(appearance.color, dtype=image.dtype).expand(len(rays), 3)
-            image[rays] = torch.cat(
-                [_lit(color, gradients, directions[rays], light), image.new_ones(len(rays), 1)], dim=1
-            )
+        (rays,) = torch.nonzero(inside.any(dim=1), as_tuple=True)
+        chosen = torch.where(inside[rays], closeness[rays], 0.0).max(dim=1).indices if len(rays) else rays
+        u, v = u[rays, chosen][:, None], v[rays, chosen][:, None]
+        gradients = (1.0 - u - v) * normals[chosen, 0] + u * normals[chosen, 1] + v * normals[chosen, 2]
+        color = torch.tensor(appearance.color, dtype=image.dtype).expand(len(rays), 3)
+        image[rays] = torch.cat([_lit(color, gradients, directions[rays], light), image.new_ones(len(rays), 1)], dim=1)
         return image
 
-    picture = _by_rays(camera.resized(samples * camera.width, samples * camera.height), along)
+    picture = _by_rays(camera.resized(samples * camera.width, samples * camera.height), along, SURFACE_RAYS)
     return picture.reshape(camera.height, samples, camera.width, samples, 4).mean(dim=(1, 3))
 
 
-def _by_rays(camera: Camera, along: Callable[[Tensor, Tensor], Tensor]) -> Tensor:
+def _by_rays(camera: Camera, along: Callable[[Tensor, Tensor], Tensor], at_once: int = RAYS_AT_ONCE) -> Tensor:
     """The image (height, width, 4) of what `along` shows of the eye (3,) and unit directions (R, 3), a part at a time."""
     eye, directions = camera.rays()
-    parts = torch.from_numpy(directions.reshape(-1, 3).copy()).split(RAYS_AT_ONCE)
+    parts = torch.from_numpy(directions.reshape(-1, 3).copy()).split(at_once)
     return torch.cat([along(torch.from_numpy(eye), part) for part in parts]).reshape(camera.height, camera.width, 4)
-
-
-def _bisected(box: _Box, level: Tensor, low: Tensor, step: Tensor) -> Tensor:
-    """Places (A, 3), in samples, between `low` and `low + step` where the field changes its sign."""
-    above = box.trilinear(level, low)[0] >= 0.0
-    share, width = torch.zeros(len(low), 1, dtype=low.dtype), 1.0
-    for _ in range(50):
-        width *= 0.5
-        same = (box.trilinear(level, low + (share + width) * step)[0] >= 0.0) == above
-        share = torch.where(same[:, None], share + width, share)
-    return low + share * step
 
 
 @dataclass(frozen=True, eq=False)

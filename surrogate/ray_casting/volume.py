@@ -57,7 +57,7 @@ class VolumeCaster:
         transfer = appearance.transfer_function
         value_range = drawn_range(field.range, transfer)
         values, within = drawn_values(field, value_range, needs_neighbours=appearance.shaded)
-        samples = kernels.cast_field(values, field.holes, *within, False, cores() if threads is None else threads)
+        samples = kernels.cast_field(values, field.holes, *within, cores() if threads is None else threads)
         return cls(field, appearance, distance, samples, Knots.of(transfer, value_range).table(transfer))
 
     def draw(self, camera: Camera, *, threads: int | None = None) -> NDArray[np.float32]:

@@ -18,6 +18,7 @@
 #include "arrays.hpp"
 #include "casting.hpp"
 #include "instruction_sets.hpp"
+#include "surfaces.hpp"
 
 namespace gs {
 namespace {
@@ -26,10 +27,12 @@ using Mask = nb::ndarray<const bool, nb::c_contig, nb::device::cpu>;
 using Knots = nb::ndarray<const double, nb::shape<-1, 5>, nb::c_contig, nb::device::cpu>;
 using Rays = nb::ndarray<const double, nb::shape<5, 3>, nb::c_contig, nb::device::cpu>;
 
+using Places = nb::ndarray<const double, nb::shape<-1, 3>, nb::c_contig, nb::device::cpu>;
+using Corners = nb::ndarray<const int32_t, nb::shape<-1, 3>, nb::c_contig, nb::device::cpu>;
+
 constexpr int64_t kMostSamples = int64_t(1) << 29;  // so that 32 bits count numbers
 
-std::unique_ptr<PaddedField> bound_field(Input values, std::optional<Mask> holes, double low, double high, bool surface,
-                                         int threads) {
+std::unique_ptr<PaddedField> bound_field(Input values, std::optional<Mask> holes, double low, double high, int threads) {
     require(values.ndim() == 3 && std::min({values.shape(0), values.shape(1), values.shape(2)}) >= 2,
             "values must have shape [2 or more, 2 or more, 2 or more], got " + shape_of(values));
     int64_t samples = 1;
@@ -41,7 +44,7 @@ std::unique_ptr<PaddedField> bound_field(Input values, std::optional<Mask> holes
             require(holes->ndim() == 3 && holes->shape(k) == values.shape(k), "holes must have the shape of values, " + shape_of(values));
     const int size[3] = {int(values.shape(2)), int(values.shape(1)), int(values.shape(0))};
     nb::gil_scoped_release released;
-    return std::make_unique<PaddedField>(values.data(), holes ? holes->data() : nullptr, size, low, high, surface, threads);
+    return std::make_unique<PaddedField>(values.data(), holes ? holes->data() : nullptr, size, low, high, threads);
 }
 
 CastRays rays_of(const Rays& rows, const std::array<int, 2>& size) {
@@ -99,17 +102,22 @@ std::tuple<Output, Table> bound_gradient(const PaddedField& field, Knots knots, 
     return {by_values, by_knots};
 }
 
-Output bound_surface(const PaddedField& field, const std::array<float, 3>& color, const std::array<float, 4>& light, int samples,
-                     Rays rows, const std::array<int, 2>& size, int threads, const std::string& instruction_set) {
+Output bound_surface(Places places, Places normals, Corners corners, const std::array<float, 3>& color,
+                     const std::array<float, 4>& light, int samples, Rays rows, const std::array<int, 2>& size, int threads,
+                     const std::string& instruction_set) {
     const Kernels& kernels = kernels_named(instruction_set);
     require(samples == 1 || samples == 2 || samples == 4, "samples must be 1, 2 or 4, got " + std::to_string(samples));
+    require(normals.shape(0) == places.shape(0), "there must be a normal for each place");
+    const int32_t *first = corners.data(), *last = first + corners.size();
+    require(std::all_of(first, last, [&](int32_t k) { return k >= 0 && size_t(k) < places.shape(0); }), "corners must be rows of places");
     const CastRays rays = rays_of(rows, size);
     require(rays.width % samples == 0 && rays.height % samples == 0, "size must be a multiple of samples");
-    CastSurface surface{nullptr, {color[0], color[1], color[2]}, light_of(light), samples};
+    const CastSurface surface{nullptr, nullptr, {color[0], color[1], color[2]}, light_of(light), samples};
     Output picture = new_array({size_t(rays.height / samples), size_t(rays.width / samples), 4});
     float* data = picture.data();
     nb::gil_scoped_release released;
-    cast_surface(field, surface, rays, kernels, threads, data);
+    const Mesh mesh{places.data(), normals.data(), first, int64_t(corners.shape(0))};
+    draw_surface(mesh, int64_t(places.shape(0)), surface, rays, kernels, threads, data);
     return picture;
 }
 
@@ -118,12 +126,12 @@ Output bound_surface(const PaddedField& field, const std::array<float, 3>& color
 void bind_casting(nb::module_& m) {
     using namespace nb::literals;
     nb::class_<PaddedField>(m, "CastField");
-    m.def("cast_field", &bound_field, "values"_a, "holes"_a.none(), "low"_a, "high"_a, "surface"_a, "threads"_a);
+    m.def("cast_field", &bound_field, "values"_a, "holes"_a.none(), "low"_a, "high"_a, "threads"_a);
     m.def("cast_volume", &bound_volume, "field"_a, "knots"_a, "distances"_a, "light"_a.none(), "rays"_a, "size"_a, "threads"_a,
           "instruction_set"_a = "");
     m.def("cast_gradient", &bound_gradient, "field"_a, "knots"_a, "distances"_a, "rays"_a, "picture"_a, "gradient"_a, "every"_a, "threads"_a,
           "instruction_set"_a = "");
-    m.def("cast_surface", &bound_surface, "field"_a, "color"_a, "light"_a, "samples"_a, "rays"_a, "size"_a, "threads"_a,
+    m.def("draw_surface", &bound_surface, "places"_a, "normals"_a, "corners"_a, "color"_a, "light"_a, "samples"_a, "rays"_a, "size"_a, "threads"_a,
           "instruction_set"_a = "");
 }
 

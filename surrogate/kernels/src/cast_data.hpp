@@ -8,6 +8,8 @@ namespace gs {
 constexpr int kBrickBits = 2, kBrick = 1 << kBrickBits;  // grid cells along an edge of a brick
 constexpr int kSegmentColumns = 12;   // of a segment, see CastFunction
 constexpr int kShortFunction = 32;    // segments that AVX-512 keeps in registers
+constexpr int kTriangleColumns = 24;  // see CastSurface
+constexpr int kSurfaceTile = 64;      // samples along a side, a multiple of 4 and of GS_WIDTH
 
 // Samples [z + 1, y + 2, x + 2] of a field with one more, a repetition, at either end of each axis, so that a place has its cell at
 // its coordinates + 1, rounded down.  A sample lies beside the next along z: four numbers in a row are the corners of a cell's side.
@@ -24,9 +26,12 @@ struct CastLight {
     float ambient, diffuse, specular, power;
 };
 
-// The surface where a field is 0.
+// Triangles as they meet the samples of a picture.  A row has, for each corner, its share of a place over the place's distance along
+// the view: by column, by row, and at the first sample of the box, followed by that sample's column, its row, and 0.  Then, for each
+// corner, its normal, followed by what is added to one over the distance by column, by row, and at the first sample.
 struct CastSurface {
-    const uint8_t* clear;    // [z, y, x] of bricks: 0 where something is seen, else bricks to the nearest such; null where none is clear
+    const float* rows;       // [count, kTriangleColumns]
+    const int32_t* boxes;    // [count, 4]: left, top, right and bottom of the samples that may lie in it
     float color[3];
     CastLight light;
     int samples;             // along each side of a pixel: 1, 2 or 4
@@ -39,7 +44,7 @@ struct CastFunction {
     const float* columns;    // [kSegmentColumns, kShortFunction], the same, of a short function
     const float* begins;     // [count + 1], the last beyond 1
     const int32_t* first;    // [cells + 1]: the segment in which each of equal parts of 0 to 1 begins
-    const uint8_t* clear;    // see CastSurface
+    const uint8_t* clear;    // [z, y, x] of bricks: 0 where something is seen, else bricks to the nearest such; null where none is clear
     int count, cells;
     int most;                // places inside of one part, the most
     double distance, unit;   // world units: the longest step, and the length that opacities are of

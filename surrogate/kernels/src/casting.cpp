@@ -11,7 +11,6 @@ namespace {
 
 constexpr int kTile = 32;             // pixels along a side, a multiple of a packet's
 constexpr double kFarthest = 1e6;     // of values, so that single precision never overflows
-constexpr double kFarthestOfSurface = 1e15;  // where the light's direction counts more than the place
 constexpr int kFewestCells = 64, kMostParts = 4096;
 constexpr int kFarthestBrick = 16;
 constexpr int64_t kMostGradientParts = 8, kMostPartBytes = int64_t(1) << 28;  // all parts together
@@ -56,7 +55,7 @@ void in_tiles(const CastRays& rays, int threads, const Draw& draw) {
 }  // namespace
 
 PaddedField::PaddedField(const float* values, const bool* holes, const int size[3], double low, double high,
-                         bool surface, int threads) {
+                         int threads) {
     CastField& f = field;
     std::copy(size, size + 3, f.size);
     f.row = size[0] + 2;
@@ -70,8 +69,7 @@ PaddedField::PaddedField(const float* values, const bool* holes, const int size[
     float *least = least_.resize(size_t(bricks)), *most = most_.resize(size_t(bricks));
     const int64_t row = size[0], slice = int64_t(size[0]) * size[1];
     const double per_unit = 1.0 / (high - low);
-    const double farthest = surface ? kFarthestOfSurface : kFarthest;
-    const auto drawn = [&](float value) { return float(std::clamp((double(value) - low) * per_unit, -farthest, farthest)); };
+    const auto drawn = [&](float value) { return float(std::clamp((double(value) - low) * per_unit, -kFarthest, kFarthest)); };
     parallel(size[2], threads, [&](int64_t z) {  // every slice is the first of one's pairs and the second of another's
         for (int64_t y = 0; y < size[1]; ++y) {
             const float* from = values + z * slice + y * row;
@@ -79,21 +77,20 @@ PaddedField::PaddedField(const float* values, const bool* holes, const int size[
             for (int64_t x = 0; x < size[0]; ++x) first[2 * x] = first[2 * x - 2 * int64_t(f.slice) + 1] = drawn(from[x]);
         }
     });
-    // what lies beyond the ends of each axis, those of the axes before included
-    const auto beyond = [&](float end, float before) { return surface ? 2.0f * end - before : end; };
     const auto put = [&](int64_t at, float value) {
         if (at < cells) pairs[2 * at] = value;
         if (at >= f.slice) pairs[2 * (at - f.slice) + 1] = value;
     };
     const auto sample = [&](int64_t at) { return at < cells ? pairs[2 * at] : pairs[2 * (at - f.slice) + 1]; };
+    // repetitions beyond the ends of each axis, those of the axes before included
     const int64_t steps[3] = {1, f.row, f.slice}, lengths[3] = {f.row, size[1] + 2, size[2] + 2};
     for (int axis = 0; axis < 3; ++axis) {
         const int u = axis == 0 ? 1 : 0, v = axis == 2 ? 1 : 2;  // those before this axis have their ends
         for (int64_t j = v < axis ? 0 : 1; j < lengths[v] - (v < axis ? 0 : 1); ++j)
             for (int64_t i = u < axis ? 0 : 1; i < lengths[u] - (u < axis ? 0 : 1); ++i) {
                 const int64_t line = i * steps[u] + j * steps[v], step = steps[axis], last = line + (lengths[axis] - 1) * step;
-                put(line, beyond(sample(line + step), sample(line + 2 * step)));
-                put(last, beyond(sample(last - step), sample(last - 2 * step)));
+                put(line, sample(line + step));
+                put(last, sample(last - step));
             }
     }
     if (hidden) {
@@ -255,13 +252,6 @@ void cast_gradient(const CastField& field, const CastFunction& function, const C
             by_values[k] = std::abs(value) < float(kFarthest) ? total : 0.0f;  // those further out are held
         }
     });
-}
-
-void cast_surface(const PaddedField& padded, CastSurface surface, const CastRays& rays, const Kernels& kernels, int threads,
-                  float* picture) {
-    const auto clear = padded.clear_bricks([](float low, float high) { return low <= 0.0f && high >= 0.0f; });
-    surface.clear = clear.empty() ? nullptr : clear.data();
-    in_tiles(rays, threads, [&](const int box[4]) { kernels.surface_tile(padded.field, surface, rays, box, picture); });
 }
 
 }  // namespace gs

@@ -12,12 +12,11 @@ namespace gs {
 // A field [size z, y, x] of which the values `low` and `high` become 0 and 1.
 class PaddedField {
 public:
-    // Cells with a hole at a corner are hidden; `holes` may be null.  The repetitions at either end are, for surfaces, continuations
-    // along a line: so differences there are one-sided.
-    PaddedField(const float* values, const bool* holes, const int size[3], double low, double high, bool surface, int threads);
+    // Cells with a hole at a corner are hidden; `holes` may be null.
+    PaddedField(const float* values, const bool* holes, const int size[3], double low, double high, int threads);
 
     CastField field{};
-    // For bricks in which nothing is seen the distance to the nearest of the others, see CastSurface; nothing where there are none.
+    // For bricks in which nothing is seen the distance to the nearest of the others, see CastFunction; nothing where there are none.
     template <class Seen>
     std::vector<uint8_t> clear_bricks(const Seen& seen) const;
 
@@ -59,8 +58,5 @@ void cast_volume(const CastField&, const CastFunction&, const CastRays&, const K
 // From the picture and a gradient by it [height, width, 4], those by the values drawn [z, y, x], and by segments [segments, 8].
 void cast_gradient(const CastField&, const CastFunction&, const CastRays&, const float* picture, const float* gradient,
                    const Kernels&, int threads, float* by_values, double* by_segments);
-
-// The image [height, width, 4] of the surface where the field is 0; there are rays for each sample.
-void cast_surface(const PaddedField&, CastSurface, const CastRays&, const Kernels&, int threads, float* picture);
 
 }  // namespace gs

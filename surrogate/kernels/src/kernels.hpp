@@ -306,8 +306,8 @@ struct Kernels {
     void (*cast_tile)(const CastField&, const CastFunction&, const CastRays&, const int box[4], float* picture);
     // The derivative of such pixels, see casting_gradient.inc.
     void (*tile_backward)(const CastField&, const CastFunction&, const CastRays&, const int box[4], const CastGradient&);
-    // Adds samples of a surface, whose rays are given, to a picture, see surfaces.inc.
-    void (*surface_tile)(const CastField&, const CastSurface&, const CastRays&, const int box[4], float* picture);
+    // Adds a tile of samples, whose rays are given, to the picture of a surface by the triangles that lie there, see surfaces.inc.
+    void (*surface_tile)(const CastSurface&, const CastRays&, const int32_t* triangles, int64_t count, const int box[4], float* picture);
 };
 
 extern const Kernels kernels_baseline;
