@@ -72,8 +72,14 @@ def vti_bytes(fields: Sequence[LatticeField]) -> bytes:
 
 
 def to_xarray(field: LatticeField) -> xarray.Dataset:
-    """The field and its standard deviations, NaN in holes, over world coordinates z, y, x; needs xarray."""
-    import xarray
+    """The field and its standard deviations, NaN in holes, over world coordinates z, y, x.
+
+    Raises ModuleNotFoundError with the remedy where xarray is not installed.
+    """
+    try:
+        import xarray
+    except ModuleNotFoundError:
+        raise ModuleNotFoundError("to_xarray needs the package xarray: pip install xarray") from None
 
     attributes = {"units": field.quantity.unit} if field.quantity.unit else {}
     axes = ("z", "y", "x")

@@ -13,7 +13,7 @@ from surrogate.emulation.lattice_field import LatticeField
 from surrogate.emulation.posterior import ResampledPosterior
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class EmulatedField(LatticeField):
     """A field at one set of parameters, with numbers of it, from `measures`, and its form for other programs, from `exports`."""
 

@@ -31,7 +31,7 @@ SAME_PLACE = 1e-3  # of a spacing, by which places may be rounded
 
 @dataclass(frozen=True, eq=False)
 class EmulatedFields(Mapping[str, FieldEmulator]):
-    """The emulator of each field, by its name; "" for a single unnamed one.
+    """The emulator of each field, by its name, or its quantity's; "" for a single unnamed one.
 
     Attributes
     ----------
@@ -75,9 +75,9 @@ class EmulatedFields(Mapping[str, FieldEmulator]):
 
     def __getitem__(self, name: str) -> FieldEmulator:
         try:
-            return self.emulators[name]
+            return self.emulators[self.by_name.get(name, name)]
         except KeyError:
-            raise KeyError(f"no field {name!r} is emulated, only {joined_names(self.emulators)}") from None
+            raise KeyError(f"no field {name!r} is emulated, only {joined_names(self.by_name)}") from None
 
     def __iter__(self) -> Iterator[str]:
         return iter(self.emulators)
@@ -86,12 +86,17 @@ class EmulatedFields(Mapping[str, FieldEmulator]):
         return len(self.emulators)
 
     def __repr__(self) -> str:
-        return f"<EmulatedFields of {self.space}: {joined_names(self.emulators)}, {self.megabytes:.1f} MB>"
+        return f"<EmulatedFields of {self.space}: {joined_names(self.by_name)}, {self.megabytes:.1f} MB>"
 
     @cached_property
     def megabytes(self) -> float:
         """Size of the stored tensors, 10^6 bytes."""
         return self.stored_form().megabytes
+
+    @property
+    def by_name(self) -> dict[str, str]:
+        """The fields by their names, an unnamed one by that of its quantity."""
+        return {name or self.quantities.get(name, Quantity()).name: name for name in self.emulators}
 
     def field(self, name: str, point: ArrayLike) -> EmulatedField:
         """A field with its name and unit at normalized parameters (P,)."""
@@ -99,7 +104,7 @@ class EmulatedFields(Mapping[str, FieldEmulator]):
 
     def quantity(self, name: str) -> Quantity:
         """The name and the unit of a field."""
-        return self.quantities.get(name, Quantity(name))
+        return self.quantities.get(self.by_name.get(name, name), Quantity(name))
 
     def save(self, directory: str | os.PathLike[str]) -> None:
         """Write `model.safetensors`, then `model.json`, which makes them emulators, into `directory`."""

@@ -155,7 +155,7 @@ class FieldModel:
         return [str(self.emulators.quantity(name)) or "the field" for name in self._named(named)]
 
     def _named(self, named: Sequence[str]) -> list[str]:
-        fields = {a.name: field_of(a) for a in self.appearances} | {name: name for name in self.emulators}
+        fields = {a.name: field_of(a) for a in self.appearances} | self.emulators.by_name
         if unknown := [name for name in named if name not in fields]:
             names = joined_names(filter(None, fields))
             raise ValueError(f"no field of {joined_names(unknown)} is emulated, only of {names}")

@@ -60,7 +60,7 @@ SIZE = click.option(
     "--appearance",
     multiple=True,
     metavar="NAME",
-    help="Write the field that this appearance shows; repeatable.  [default: all fields]",
+    help="Write this field, or the one that this appearance shows; repeatable.  [default: all fields]",
 )
 @click.option(
     "-o",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -67,3 +68,9 @@ def test_several_fields_share_a_file_of_one_grid(tmp_path: Path) -> None:
             vti_bytes(wrong)
     with pytest.raises(ValueError, match=r"must end with \.vti, got a\.nc"):
         fields[0].save(tmp_path / "a.nc")
+
+
+def test_without_xarray_its_command_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "xarray", None)
+    with pytest.raises(ModuleNotFoundError, match=r"^to_xarray needs the package xarray: pip install xarray$"):
+        predicted().to_xarray()

@@ -13,6 +13,7 @@ import pytest
 import insitu
 from catalogs.store.catalog import Catalog
 from catalogs.vocabulary.appearance import Isosurface, VolumeRendering
+from catalogs.vocabulary.quantity import Quantity
 from catalogs.vocabulary.scene import ViewPlan
 from surrogate.emulation import EmulatedFields
 from tests.support.hooked import FUNCTION, blob
@@ -93,3 +94,14 @@ def test_fields_on_other_grids_are_named(tmp_path: Path) -> None:
 def test_a_catalog_without_fields_has_none(tmp_path: Path) -> None:
     catalog = rendered(tmp_path / "a.cdb", 12)
     assert len(EmulatedFields.fit(catalog, splits=("test",))) == 0
+
+
+def test_an_unnamed_field_goes_by_the_name_of_its_quantity(emulated: EmulatedFields) -> None:
+    alone = EmulatedFields(emulated.space, {"": emulated["q"]}, {"": Quantity("energy", "J")})
+    point = alone.space.normalize([BETWEEN])
+    assert alone["energy"] is alone[""]
+    assert alone.quantity("energy") == alone.field("energy", point).quantity == Quantity("energy", "J")
+    assert ": energy, " in repr(alone)
+    assert len(repr(alone.field("energy", point))) < 130
+    with pytest.raises(KeyError, match="no field 'q' is emulated, only energy"):
+        alone["q"]
