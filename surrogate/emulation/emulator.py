@@ -44,6 +44,7 @@ class FieldEmulator:
     solid : (V,) bool, samples that are holes in all members; None where there are none.
     outline : of the signed distance to holes in samples, negative in holes; None where they do not move.
     encodings : of tensors that are stored in fewer bits, by name.
+    number_factors : on standard deviations of a box's numbers, by name, which likewise make intervals hold.
     """
 
     processes: Processes
@@ -60,6 +61,7 @@ class FieldEmulator:
     solid: NDArray[np.bool_] | None = None  # [V]
     outline: FieldEmulator | None = None
     encodings: Mapping[str, Encoding] = field(default_factory=dict)
+    number_factors: Mapping[str, float] = field(default_factory=dict)
 
     @classmethod
     def fit(
@@ -143,7 +145,8 @@ class FieldEmulator:
     def posterior(self, point: ArrayLike) -> Posterior:
         """The distribution of fields at normalized parameters (P,)."""
         means, spreads = self.processes.predict(self._checked(point)[None])
-        return Posterior(self.mean, self.modes, self._residual, self.scale, means[0], spreads[0] * self.factor)
+        distribution = means[0], spreads[0] * self.factor
+        return Posterior(self.mean, self.modes, self._residual, self.scale, *distribution, self.number_factors)
 
     def holes(self, point: ArrayLike) -> NDArray[np.bool_] | None:
         """The holes (Z, Y, X) at normalized parameters (P,); None where there are none."""

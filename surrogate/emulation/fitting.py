@@ -19,6 +19,7 @@ from surrogate.emulation.validation import TINY, LeftOut, needed, residual_of
 FEWEST = 3  # members
 FARTHEST = 8.0  # samples from a hole's surface, beyond which distances say nothing
 COMPARED = 8_192  # samples at which the scale is chosen, errors are measured and standard deviations are made to hold
+MEASURED, OCTANTS = 4_096, 8  # of them at which numbers are made to hold, in parts of the box
 CLEARLY = 0.01  # of the squared error, by which a scale must predict better than the field's unit
 ROUNDED = 1e-3  # of what fields span, by which 32 bits may round values: less is not seen, 66 dB
 SEED = 0
@@ -133,6 +134,8 @@ class _Fit:
         strengths = (processes.coefficients**2).mean(0)  # [K]
         differences = self.differences[:, places].astype(np.float64)  # [M, N]
         factor = left_out.factor(differences, tails)
+        parts = _parts_of_box(places, members.shape)  # [B, N]
+        number_factors = left_out.number_factors(self.mean[parts], self.differences[:, parts], factor, self.scale)
         encodings = storage.encodings_of(self.mean, modes, residual, members.solid, strengths, error, factor)
         predicted = self.mean[places] + (np.eye(len(differences)) - left_out.remainders) @ differences
         truth = members.fields[:, places].astype(np.float64)
@@ -141,11 +144,21 @@ class _Fit:
             "processes": processes,
             **storage.decoded(encodings),
             "factor": factor,
+            "number_factors": number_factors,
             "errors": np.sqrt((missed**2).mean(1)).astype(np.float32).astype(np.float64),
             "spread": float(members.fields[:, places].std(dtype=np.float64)),
             "scale": self.scale,
             "encodings": encodings,
         }
+
+
+def _parts_of_box(places: NDArray[np.int64], shape: tuple[int, int, int]) -> NDArray[np.int64]:
+    """Some of the places (V,) of a field of a shape, those of each of its octants, as far as it has them, in a row (B, N)."""
+    some = np.random.default_rng(SEED).permutation(places)[:MEASURED]
+    halves = [2 * indices >= side for indices, side in zip(np.unravel_index(some, shape), shape, strict=True)]
+    ordered = some[np.lexsort(halves)]
+    parts = min(OCTANTS, len(ordered))
+    return ordered[: len(ordered) // parts * parts].reshape(parts, -1)
 
 
 def _check_rounding(fields: NDArray[np.floating], rounded: NDArray[np.float32]) -> None:

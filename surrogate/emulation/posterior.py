@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -28,6 +28,7 @@ class Posterior:
     residual : (V,) standard deviations of what no coefficient expresses.
     scale : of all of these; None: the field's unit.
     coefficients, spreads : (K,) means and standard deviations.
+    factors : on standard deviations of a box's numbers, by name, see `LeftOut.number_factors`.
     """
 
     mean: NDArray[np.float32]  # [V]
@@ -36,6 +37,7 @@ class Posterior:
     scale: ValueScale | None
     coefficients: NDArray[np.float64]  # [K]
     spreads: NDArray[np.float64]  # [K]
+    factors: Mapping[str, float] = field(default_factory=dict)
 
     __repr__ = one_line
 
@@ -123,6 +125,11 @@ class ResampledPosterior:
     after: Shape
 
     __repr__ = one_line
+
+    @property
+    def factors(self) -> Mapping[str, float]:
+        """See `Posterior`."""
+        return self.posterior.factors
 
     def values(self) -> NDArray[np.float32]:
         """The most likely field (V,), in the field's unit."""

@@ -77,6 +77,7 @@ def stored_form(emulator: Any) -> tuple[dict[str, Tensor], dict[str, Any], dict[
         "origin": list(emulator.origin),
         "groups": processes.groups.tolist(),
         "factor": emulator.factor,
+        "number_factors": dict(emulator.number_factors),
         "spread": emulator.spread,
         "scale": None if emulator.scale is None else emulator.scale.to_json(),
     }
@@ -117,6 +118,7 @@ def parts_of(
         **arrays,
         "processes": processes,
         "factor": positive(record["factor"], "factor") if record["factor"] else 0.0,
+        "number_factors": {str(name): positive(f, name) for name, f in record.get("number_factors", {}).items()},
         "errors": errors,
         "spread": finite(record["spread"], "spread"),
         "shape": shape,

@@ -8,7 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catalogs.vocabulary.words import one_line
+from surrogate.appearance.scale import ValueScale
 from surrogate.emulation.components import PIECE, Array, Components, without
+from surrogate.emulation.measures import DRAWS, NUMBERS, box_numbers
 from surrogate.emulation.processes import Processes
 
 FOLDS = 10
@@ -82,6 +84,41 @@ class LeftOut:
             expected = np.sqrt(self.deviations[out] ** 2 @ components**2 + np.maximum(others[out], 0.0))  # [O, N]
             ratios[out] = np.divide(errors[out], expected, out=np.zeros_like(expected), where=expected > 0.0)
         return float(np.quantile(ratios, SHARE)) / NORMAL
+
+    def number_factors(
+        self, mean: NDArray[np.float32], differences: NDArray[np.float32], factor: float, scale: ValueScale | None
+    ) -> dict[str, float]:
+        """Factors on standard deviations of `NUMBERS` with which 90 % intervals hold for members that were left out.
+
+        Fields are `mean` (B, N) and `differences` (M, B, N) from it, on `scale`, at places in B parts of the box; `factor` is that
+        of coefficients.  Intervals hold for the whole box and for its parts.  The quantile is the one of conformal prediction (Lei
+        et al. 2018, "Distribution-free predictive inference for regression", section 2.2), or of fewer than nine members the
+        greatest, which holds for M of M + 1.
+        """
+        members, count = self.deviations.shape
+        normal = np.random.default_rng(SEED).standard_normal((DRAWS, count))
+        level = float(np.median(mean + differences))
+        flat = differences.reshape(members, -1)  # [M, B N]
+        ratios = np.zeros((members, len(mean) + 1, len(NUMBERS)))  # of the parts, and of the whole
+        for fold, combinations in enumerate(self.components):
+            components = combinations.astype(np.float32) @ flat  # [K, B N]
+            for member in np.flatnonzero(self.folds == fold):
+                truth = mean.ravel() + flat[member]  # [B N]
+                predicted = truth - self.remainders[member].astype(np.float32) @ flat  # [B N]
+                coefficients = (normal * self.deviations[member] * factor).astype(np.float32)  # [D, K]
+                fields = np.vstack([truth, predicted, predicted + coefficients @ components])  # [2 + D, B N]
+                parts = box_numbers(fields.reshape(-1, *mean.shape), level)  # [2 + D, B, 4]
+                whole = [parts[..., 0].min(1), parts[..., 1].max(1), *parts[..., 2:].mean(1).T]
+                numbers = np.concatenate([parts, np.stack(whole, -1)[:, None]], 1)  # [2 + D, B + 1, 4]
+                if scale is not None:  # which keeps the order of values
+                    numbers[..., :2] = scale.values(numbers[..., :2])
+                spread = np.sqrt(((numbers[2:] - numbers[1]) ** 2).mean(0))
+                off = np.abs(numbers[1] - numbers[0])
+                ratios[member] = np.divide(off, spread, out=np.zeros_like(off), where=spread > 0.0)
+        rank = min(int(np.ceil((members + 1) * SHARE - TINY)), members)
+        ordered = np.sort(ratios[:, :-1].reshape(-1, len(NUMBERS)), axis=0), np.sort(ratios[:, -1], axis=0)
+        factors = np.maximum(ordered[0][rank * len(mean) - 1], ordered[1][rank - 1]) / NORMAL
+        return {name: float(f) if f > 0.0 else 1.0 for name, f in zip(NUMBERS, factors, strict=True)}
 
 
 def residual_of(tails: Array, differences: NDArray[np.float32]) -> NDArray[np.float32]:

@@ -10,15 +10,14 @@ import numpy as np
 
 from catalogs.store.members import Member
 from surrogate.emulation import EmulatedField, EmulatedFields, FieldEmulator
-from surrogate.emulation.measures import Measured
+from surrogate.emulation.measures import NUMBERS, SHARE, Measured
 from surrogate.evaluation.cases import PARAMETERS
 from surrogate.evaluation.scoring import spread
 
 PLACES, SEED = 4_000, 0
 MOST_MEMBERS = 60
 NORMAL = 1.6448536269514722  # half the width of a 90 % interval in standard deviations
-VALUES, SHARE = "values", "share_above"
-STATISTICS = ("minimum", "maximum", "mean", SHARE)
+VALUES = "values"
 
 
 @dataclass(frozen=True)
@@ -41,7 +40,7 @@ class NumberError:
 
 @dataclass(frozen=True)
 class FieldNumbers:
-    """Errors of an emulated field, by `VALUES` and `STATISTICS` of its whole box; shares are those above `level`."""
+    """Errors of an emulated field, by `VALUES` and `NUMBERS` of its whole box; shares are those above `level`."""
 
     name: str
     unit: str
@@ -88,7 +87,7 @@ def number_errors(
     """Errors of predicted fields beside true ones; a field's values are those at `PLACES` random places of its box."""
     random = np.random.default_rng(SEED).random((PLACES, 3))
     errors: dict[str, list[tuple[float, float]]] = {
-        name: [] for name in (VALUES, *STATISTICS)
+        name: [] for name in (VALUES, *NUMBERS)
     }  # each with its share inside
     for predicted, truth in pairs:
         lengths = np.array(truth.spacing) * (np.array(truth.values.shape[::-1]) - 1)
@@ -100,7 +99,7 @@ def number_errors(
             inside = off <= NORMAL * np.asarray(ours.deviations)
             errors[VALUES].append((float(np.sqrt(np.mean(off[there] ** 2))), float(inside[there].mean())))
         ours_of_box, true_of_box = predicted.statistics(level=level), truth.statistics(level=level)
-        for name in STATISTICS:
+        for name in NUMBERS:
             one: Measured = getattr(ours_of_box, name)
             error = abs(one.value - getattr(true_of_box, name).value)
             errors[name].append((error, float(error <= NORMAL * (one.deviation or 0.0))))

@@ -9,9 +9,10 @@ from typing import Any
 from catalogs.store.catalog import Catalog
 from catalogs.vocabulary.quantity import label
 from catalogs.vocabulary.variations import KINDS
+from surrogate.emulation.measures import SHARE
 from surrogate.evaluation.cases import PARAMETERS, VALIDATION
 from surrogate.evaluation.evaluate import Baseline, Evaluation, measured_row
-from surrogate.evaluation.numbers import PLACES, SHARE, VALUES
+from surrogate.evaluation.numbers import PLACES, VALUES
 from surrogate.evaluation.scoring import Scored, mean
 from surrogate.evaluation.tables import NOTHING, number, table
 from surrogate.model import Surrogate

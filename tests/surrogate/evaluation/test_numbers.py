@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 from surrogate.emulation import EmulatedField, EmulatedFields, FieldEmulator
-from surrogate.evaluation.numbers import NORMAL, SHARE, STATISTICS, VALUES, number_errors, numbers_of
+from surrogate.emulation.measures import NUMBERS, SHARE
+from surrogate.evaluation.numbers import NORMAL, VALUES, number_errors, numbers_of
 from tests.support.ensembles_of_fields import ORIGIN, SPACING, smooth, some_points
 from tests.support.field_catalogs import TESTED, rendered
 
@@ -29,7 +30,7 @@ def known(field: EmulatedField, off: float = 0.0) -> EmulatedField:
 def test_errors_are_differences_over_the_spread() -> None:
     field = predicted()
     errors = number_errors([(field, known(field)), (field, known(field, OFF))], 2.0, 10.5)
-    assert set(errors) == {VALUES, *STATISTICS}
+    assert set(errors) == {VALUES, *NUMBERS}
     for name in (VALUES, "minimum", "maximum", "mean"):
         assert errors[name].error == pytest.approx(OFF / 2.0, rel=1e-4), name
         assert errors[name].relative == pytest.approx(OFF / 4.0, rel=1e-4)
