@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
@@ -38,11 +38,13 @@ class EmulatedFields(Mapping[str, FieldEmulator]):
     space : the parameters, which emulators take normalized in it.
     emulators : by field.
     quantities : names and units, by field.
+    left_out : a sentence about each field that could not be emulated, and was not required; not stored.
     """
 
     space: ParameterSpace
     emulators: Mapping[str, FieldEmulator]
     quantities: Mapping[str, Quantity] = field(default_factory=dict)
+    left_out: tuple[str, ...] = ()
 
     @classmethod
     def fit(
@@ -52,13 +54,15 @@ class EmulatedFields(Mapping[str, FieldEmulator]):
         splits: Sequence[str] = ("train",),
         *,
         without: str = "",
+        required: Collection[str] | None = None,
     ) -> EmulatedFields:
         """From the coarse fields of the members of some splits, `without` the one of that name.
 
-        The `scales` are those that appearances show fields on, by field.
+        The `scales` are those that appearances show fields on, by field; `required` are the fields that appearances show, None for
+        all.
 
         Fields that fewer than three members have are left out: there may be none.  Raises ValueError naming a member whose field
-        lies on another grid than that of the others.
+        lies on another grid than that of the others; one that is not required is `left_out`.
         """
         space = catalog.plan.space.with_logarithms()
         members = [member for member in catalog.members if member.split in splits and member.name != without]
@@ -66,12 +70,18 @@ class EmulatedFields(Mapping[str, FieldEmulator]):
         for member in members:
             for name, coarse in member.coarse_fields().items():
                 by_field.setdefault(name, []).append((member, coarse))
-        emulators = {
-            name: _emulator(name, having, space, (scales or {}).get(name))
-            for name, having in by_field.items()
-            if len(having) >= FEWEST
-        }
-        return cls(space, emulators, {name: catalog.plan.quantity(name) for name in emulators})
+        emulators, left_out = dict[str, FieldEmulator](), list[str]()
+        for name, having in by_field.items():
+            if len(having) < FEWEST:
+                continue
+            try:
+                emulators[name] = _emulator(name, having, space, (scales or {}).get(name))
+            except ValueError as error:
+                if required is None or name in required:
+                    raise
+                left_out.append(str(error))
+        quantities = {name: catalog.plan.quantity(name) for name in emulators}
+        return cls(space, emulators, quantities, tuple(left_out))
 
     def __getitem__(self, name: str) -> FieldEmulator:
         try:

@@ -101,7 +101,7 @@ class FieldModel:
         """The same fitted to the members of some splits, itself where it was; raises ValueError where these lack its fields."""
         if set(splits) == set(self.splits):
             return self
-        emulators = EmulatedFields.fit(catalog, scales_of(self.appearances), splits)
+        emulators = EmulatedFields.fit(catalog, scales_of(self.appearances), splits, required=self.emulators)
         if lacking := set(self.emulators) - set(emulators):
             raise ValueError(f"{catalog.path} no longer keeps the coarse fields {joined_names(sorted(lacking))}")
         return replace(self, emulators=emulators, training={**self.training, "splits": list(splits)})

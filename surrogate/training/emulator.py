@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+import warnings
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
@@ -79,9 +80,13 @@ def fit(source: Source, fingerprint: str) -> FieldModel:
     started, processor = time.perf_counter(), time.process_time()
     appearances = drawable(source)
     try:
-        emulators = EmulatedFields.fit(source.catalog, scales_of(appearances), LEARNT)
+        emulators = EmulatedFields.fit(
+            source.catalog, scales_of(appearances), LEARNT, required=set(map(field_of, appearances))
+        )
     except ValueError as error:
         raise NoEmulator(f"{source.catalog.path}: {error}") from error
+    for sentence in emulators.left_out:
+        warnings.warn(f"a field that no appearance shows is left out: {sentence}", stacklevel=2)
     return FieldModel(
         emulators,
         appearances,
@@ -142,7 +147,7 @@ def _better_without(surrogate: Surrogate, catalog: Catalog, cases: Sequence[Case
     scales = scales_of(model.appearances)
     scores: dict[str, list[float]] = {FIELD: [], GAUSSIANS: []}
     for name in (names[i] for i in spread(len(names), MOST_LEFT_OUT)):
-        fields = replace(model, emulators=EmulatedFields.fit(catalog, scales, without=name))
+        fields = replace(model, emulators=EmulatedFields.fit(catalog, scales, without=name, required=model.emulators))
         of_member = [case for case in cases if case.member.name == name]
         some = [of_member[i] for i in spread(len(of_member), MOST_SCORED // MOST_LEFT_OUT)]
         for kind in set(scores) & set(surrogate.representations):

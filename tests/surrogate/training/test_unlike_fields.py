@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -104,6 +105,34 @@ def test_all_that_is_learnt_must_be_emulated(tmp_path: Path) -> None:
         save_coarse_fields(member.path / COARSE, {"one": member.coarse_fields()["one"]})
     assert "none of 4 members to learn from keep a coarse field of two: " in lacking(Source(SETTINGS, catalog))
     assert train(SETTINGS, catalog, tmp_path / "other").representations == (GAUSSIANS,)
+
+
+def test_a_field_that_is_not_shown_prevents_no_emulator(tmp_path: Path) -> None:
+    space = ParameterSpace((Parameter("p", 0.0, 1.0),))
+    shown = [VolumeRendering("one", FUNCTION, field="one"), VolumeRendering("two", FUNCTION, field="two")]
+    path, views = tmp_path / "a.cdb", ViewPlan(frequency=1, width=16, height=16)
+    with insitu.Session(path, space=space, appearances=shown, views=views) as session:
+        for i, split in enumerate(SPLITS):
+            session.render_member(
+                {"one": grown(i), "two": grown(i)}, {"p": i / 4}, spacing=(1.0 / 12,) * 3, split=split
+            )
+    catalog = Catalog.open(path)
+    member = catalog.members[1]
+    coarse = member.coarse_fields()
+    moved = replace(coarse["two"], origin=(0.3, 0.0, 0.0))
+    save_coarse_fields(member.path / COARSE, {"one": coarse["one"], "two": moved})
+    words = [f"{key}={value}" for key, value in SETTINGS.to_json().items() if key.endswith("steps")]
+    with warnings.catch_warnings():
+        warnings.simplefilter("default")
+        done = CliRunner().invoke(main, ["train", str(path), "-o", str(tmp_path / "run"), "gaussians=60", *words])
+    assert done.exit_code == 0, done.output
+    assert done.output.count("Warning: a field that no appearance shows is left out: the coarse field 'two' of ") == 1
+    surrogate = Surrogate.load(tmp_path / "run" / "surrogate")
+    assert surrogate.representations == (GAUSSIANS, FIELD, BOTH)
+    assert surrogate.field is not None
+    assert list(surrogate.field.emulators) == ["one"]
+    with pytest.raises(NoEmulator, match="the coarse field 'two' of "):
+        train(replace(SETTINGS, appearance="two"), catalog, tmp_path / "other", only_field=True)
 
 
 @pytest.mark.parametrize("offset", [1e6, -1e9])
