@@ -63,6 +63,14 @@ def test_the_packages_themselves_load_nothing_heavy() -> None:
     assert result.stdout.strip() == "[]", result.stdout + result.stderr
 
 
+def test_a_surrogate_loads_no_optimizer() -> None:
+    """Which takes as long as opening a run, and serves fits alone."""
+    slow = "('scipy.optimize', 'scipy.ndimage', 'sklearn')"
+    program = f"import sys, surrogate.model.surrogate\nprint([name for name in {slow} if name in sys.modules])"
+    result = subprocess.run([sys.executable, "-c", program], cwd=PROJECT, capture_output=True, text=True, timeout=60)
+    assert result.stdout.strip() == "[]", result.stdout + result.stderr
+
+
 @cache
 def imports_of(folder: str) -> tuple[tuple[str, str], ...]:
     """Imports of the modules below a folder, with their places, by every name that may be a module."""

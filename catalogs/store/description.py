@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from catalogs.files import cinema, durable
-from catalogs.files.digests import digest_of_json
+from catalogs.files.digests import digest_of
 from catalogs.store.plan import ACCEPT, CHANGED, CatalogError, CatalogPlan, read_json
 from catalogs.store.table import HIDDEN, MEMBERS, TABLE
 
@@ -56,12 +56,12 @@ def accept_description(path: Path) -> None:
     record = read_json(path / DESCRIPTION)
     accepted = {key: value for key, value in record.items() if key != DIGEST}
     _ = _read(path, accepted)
-    if record.get(DIGEST) != _digest(accepted):
+    if record.get(DIGEST) != _digest(_parts(accepted)):
         _write(path, accepted)
 
 
 def _write(path: Path, record: Mapping[str, Any]) -> None:
-    text = json.dumps({**record, DIGEST: _digest(record)}, indent=1, allow_nan=False)
+    text = json.dumps({**record, DIGEST: _digest(_parts(record))}, indent=1, allow_nan=False)
     durable.replace(path / DESCRIPTION, text.encode())
 
 
@@ -73,19 +73,26 @@ def _read(path: Path, record: Mapping[str, Any]) -> CatalogPlan:
         raise CatalogError(f"{path} has schema {schema}, this program reads up to {SCHEMA}: use a newer gs-surrogate")
     if schema < OLDEST:
         raise CatalogError(f"{path} has schema {schema}, this program reads from {OLDEST} on: render it again")
+    parts = _parts(record)
     try:
-        plan = CatalogPlan.from_json(record, digest=_digest(record, without=("provenance",)))
+        plan = CatalogPlan.from_json(record, digest=_digest(parts, without=("provenance",)))
     except (KeyError, TypeError, ValueError) as error:
         reason = str(error) if isinstance(error, ValueError) else repr(error)
         raise CatalogError(f"{path / DESCRIPTION} is damaged: {reason}") from error
-    if record.get(DIGEST) not in (None, _digest(record)):
+    if record.get(DIGEST) not in (None, _digest(parts)):
         raise CatalogError(f"{path / DESCRIPTION} is damaged: {CHANGED}: {RESTORE}; {ACCEPT}")
     return plan
 
 
-def _digest(record: Mapping[str, Any], without: tuple[str, ...] = ()) -> str:
-    """The digest of the plan in a description's record: of the keys that are read, so that later ones may be added."""
-    return digest_of_json({key: record[key] for key in (*PLAN, *OPTIONAL) if key in record and key not in without})
+def _parts(record: Mapping[str, Any]) -> dict[str, str]:
+    """JSON of the plan in a description's record, by key: of the keys that are read, so that later ones may be added."""
+    return {key: json.dumps(record[key], sort_keys=True) for key in sorted((*PLAN, *OPTIONAL)) if key in record}
+
+
+def _digest(parts: Mapping[str, str], without: tuple[str, ...] = ()) -> str:
+    """The digest of a plan, that of `digest_of_json`."""
+    text = ", ".join(f'"{key}": {part}' for key, part in parts.items() if key not in without)
+    return digest_of(f"{{{text}}}".encode())
 
 
 def _refuse_foreign(path: Path, table: bytes) -> None:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import os
-from dataclasses import dataclass
+from collections.abc import Container
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from catalogs.files.packed import PACK
@@ -20,7 +21,7 @@ class Sizes:
 
     Attributes
     ----------
-    images, fields : of images and of coarse fields.
+    images, fields, others : of images, of coarse fields, and of all other files.
     views : of each appearance, at most.
     whole : True if all coarse fields are the members' own samples.
     """
@@ -29,10 +30,16 @@ class Sizes:
     fields: int = 0
     views: int = 0
     whole: bool = False
+    others: int = field(default=0, compare=False)
 
     def __add__(self, other: Sizes) -> Sizes:
-        whole = self.whole and other.whole
-        return Sizes(self.images + other.images, self.fields + other.fields, max(self.views, other.views), whole)
+        return Sizes(
+            self.images + other.images,
+            self.fields + other.fields,
+            max(self.views, other.views),
+            self.whole and other.whole,
+            self.others + other.others,
+        )
 
     def __repr__(self) -> str:
         return f"<Sizes: {self}, at most {self.views} views>"
@@ -54,22 +61,26 @@ class Sizes:
 
 def sizes_of(member: Member) -> Sizes:
     """The sizes of a member's files; raises ValueError for damaged coarse fields."""
-    names = (member.path / name for name in (*member.appearances, PACK))
-    images = sum(bytes_of(path) for path in names)
-    coarse = member.path / COARSE
-    return Sizes(images, bytes_of(coarse), len(member.cameras), coarse.exists() and are_whole(coarse))
+    with os.scandir(member.path) as entries:
+        by_name = {entry.name: _bytes_of_entry(entry) for entry in entries}
+    images = sum(by_name.pop(name, 0) for name in (*member.appearances, PACK))
+    fields, coarse = by_name.pop(COARSE, 0), member.path / COARSE
+    whole = coarse.exists() and are_whole(coarse)
+    return Sizes(images, fields, len(member.cameras), whole, sum(by_name.values()))
 
 
-def bytes_of(path: str | Path) -> int:
-    """Size of a file, or of all files in and below a folder; 0 where there is none."""
+def bytes_of(path: str | Path, but: Container[str] = ()) -> int:
+    """Size of a file, or of all files in and below a folder, `but` those of some paths; 0 where there is none."""
     if not os.path.isdir(path):
         return os.stat(path).st_size if os.path.isfile(path) else 0
     with os.scandir(path) as entries:
-        return sum(
-            bytes_of(entry.path) if entry.is_dir(follow_symlinks=False) else entry.stat().st_size
-            for entry in entries
-            if entry.is_dir(follow_symlinks=False) or entry.is_file()
-        )
+        return sum(_bytes_of_entry(entry, but) for entry in entries if entry.path not in but)
+
+
+def _bytes_of_entry(entry: os.DirEntry[str], but: Container[str] = ()) -> int:
+    if entry.is_dir(follow_symlinks=False):
+        return bytes_of(entry.path, but)
+    return entry.stat().st_size if entry.is_file() else 0
 
 
 def size(count: float) -> str:

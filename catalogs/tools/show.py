@@ -39,15 +39,17 @@ def described(path: Path) -> Iterator[str]:
 
 def _catalog_lines(catalog: Catalog) -> Iterator[str]:
     tally, table = Tally(catalog.plan), list[list[Any]]([_heading(catalog)])
-    sizes: Sizes | None = None
+    sizes, measured = Sizes(whole=True), set[str]()
     for name in member_names(catalog.path):
         member = read_record(catalog.path / MEMBERS / name, catalog.plan)
         tally.add(member)
-        sizes = sizes_of(member) if sizes is None else sizes + sizes_of(member)
+        sizes += sizes_of(member)
+        measured.add(str(member.path))
         table.append(_row(catalog, member))
     _fill_in(table, catalog.plan.space.names)
-    facts = [*tally.facts(), ("on disk", f"{bytes_of(catalog.path) / 1e6:,.1f} MB")]
-    if sizes is not None:
+    count = bytes_of(catalog.path, measured) + sizes.images + sizes.fields + sizes.others
+    facts = [*tally.facts(), ("on disk", f"{count / 1e6:,.1f} MB")]
+    if measured:
         facts.append(("of these", str(sizes)))
         facts += [("advice", sizes.advice)] if sizes.advice else []
     if unfinished := ", ".join(path.name[1:].split("~")[0] for path in catalog.unfinished()):

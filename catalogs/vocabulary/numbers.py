@@ -14,6 +14,8 @@ def finite(value: Any, what: str) -> float:
 
     Raises ValueError naming `what` for text, truth values, arrays of other shapes, NaN and infinity.
     """
+    if type(value) is float and math.isfinite(value):
+        return value
     shape, form = getattr(value, "shape", ()), str(getattr(value, "dtype", ""))
     wrong = (
         isinstance(value, str | bytes | bytearray | bool) or "bool" in form or "complex" in form or tuple(shape) != ()

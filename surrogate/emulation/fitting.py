@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.ndimage import distance_transform_edt
 
 from catalogs.vocabulary.words import one_line
 from surrogate.appearance.scale import ValueScale
@@ -178,6 +177,8 @@ def _distances(holes: NDArray[np.bool_]) -> NDArray[np.float32]:
     """Signed distances (Z, Y, X) in samples to the surface of holes, negative inside, at most `FARTHEST`."""
     if not holes.any():
         return np.full(holes.shape, FARTHEST, np.float32)
+    from scipy.ndimage import distance_transform_edt  # slow to load
+
     inside, outside = distance_transform_edt(holes), distance_transform_edt(~holes)
     signed = np.where(holes, 0.5 - inside, outside - 0.5)
     return np.clip(signed, -FARTHEST, FARTHEST).astype(np.float32)

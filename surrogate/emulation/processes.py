@@ -13,7 +13,6 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import cho_solve, cholesky, solve_triangular
-from scipy.optimize import minimize
 
 from catalogs.vocabulary.words import one_line
 
@@ -154,6 +153,8 @@ def _factor(covariance: Array, noise: float) -> Array:
 
 def _most_likely(squares: Array, coefficients: Array, start: Array | None) -> Array:
     """Logarithms of the length scales and the noise, (P + 1,), that coefficients (M, K) share."""
+    from scipy.optimize import minimize  # slow to load
+
     dimensions = len(squares)
     usual = np.full(dimensions, np.log(USUAL_LENGTH))
     first = np.append(usual, np.log(FIRST_NOISE)) if start is None else start

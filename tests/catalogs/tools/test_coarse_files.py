@@ -14,7 +14,7 @@ from catalogs.exchange import export
 from catalogs.store.catalog import Catalog
 from catalogs.store.coarse import CoarseField
 from catalogs.store.members import COARSE, has_coarse_fields
-from catalogs.store.sizes import Sizes, sizes_of
+from catalogs.store.sizes import Sizes, bytes_of, sizes_of
 from catalogs.tools.check import check
 from catalogs.tools.merge import merge
 from catalogs.tools.packing import pack, unpack
@@ -147,6 +147,9 @@ def test_sizes_stand_side_by_side(catalog: Catalog) -> None:
     fields = sum(path.stat().st_size for path in catalog.path.rglob(COARSE))
     assert first + second == Sizes(images, fields, 12, True)
     assert f"of these    {images / 1e3:.3g} kB of images, {fields / 1e3:.3g} kB of fields" in describe(catalog.path)
+    all_files = sum(path.stat().st_size for path in catalog.path.rglob("*") if path.is_file())
+    outside = bytes_of(catalog.path, {str(member.path) for member in catalog.members})
+    assert outside + images + fields + first.others + second.others == bytes_of(catalog.path) == all_files
     (catalog.path / SECOND).unlink()
     assert not (first + sizes_of(catalog.members[1])).whole
 
