@@ -19,7 +19,7 @@ from surrogate.model import Surrogate
 from surrogate.model.representation import DRAWN, FUNCTION, VIEW
 from surrogate.training.other_functions import scores_under_other_functions
 
-TEST = "test"
+TEST, LEFT_OUT = "test", "left_out"
 TITLES = {VALUES: f"values at {PLACES:,} places", SHARE: "share above a level"}
 
 
@@ -41,6 +41,7 @@ def representations_record(surrogate: Surrogate, catalog: Catalog, evaluation: E
     return {
         "drawn_by": {kind: surrogate.representation(kind) for kind in tested},
         "named": surrogate.only,
+        LEFT_OUT: scores.left_out,
         "beside_fields": [FUNCTION] if beside_fields else [],
         "psnr": {
             kind: {
@@ -89,7 +90,8 @@ def representations_section(record: Mapping[str, Any]) -> list[str]:
     scores = record.get("representations")
     if scores is None:
         return []
-    header = ("", "drawn", "PSNR, validation", "PSNR, unseen parameters", "MB", "ms a picture")
+    of = "left-out members" if scores.get(LEFT_OUT) else "validation"
+    header = ("", "drawn", f"PSNR, {of}", "PSNR, unseen parameters", "MB", "ms a picture")
     return ["## How it is drawn", table(header, _rows(scores)), "  \n".join(_reasons(scores))]
 
 

@@ -104,6 +104,20 @@ def test_without_an_emulator_there_is_nothing_to_say() -> None:
     assert numbers_section({}) == numbers_section({"numbers": []}) == []
 
 
+def test_scores_of_left_out_members_are_called_so() -> None:
+    scores = {
+        "psnr": {"view": {FIELD: {"validation": 40.0, "test": None}}},
+        "drawn_by": {"view": FIELD},
+        "named": "",
+        "beside_fields": [],
+        "megabytes": {FIELD: 1.0},
+        "milliseconds": {},
+    }
+    for left_out, title in ((True, "PSNR, left-out members"), (False, "PSNR, validation")):
+        text = "\n".join(representations_section({"representations": {**scores, "left_out": left_out}}))
+        assert f"| {title} |" in text
+
+
 def test_a_field_alone_is_reported(run: tuple[Surrogate, Catalog, Path], tmp_path: Path) -> None:
     catalog = run[1]
     alone = train(SETTINGS, catalog, tmp_path / "surrogate", only_field=True)
