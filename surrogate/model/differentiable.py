@@ -28,6 +28,7 @@ from surrogate.model.rigid import in_camera, posed
 from surrogate.rasterizer import Rasterizer, primitives
 
 BLACK = (0.0, 0.0, 0.0)
+Slope = tuple[float, bool]  # a derivative, and whether it is by a logarithm
 
 
 class DifferentiableSurrogate(torch.nn.Module):
@@ -200,33 +201,34 @@ def composited(picture: Tensor, background: NDArray[np.float32] | None) -> Tenso
 
 
 def _follow(
-    numbers: NDArray[np.float64], names: Sequence[str], named: Mapping[str, Any], slopes: Mapping[str, float]
+    numbers: NDArray[np.float64], names: Sequence[str], named: Mapping[str, Any], slopes: Mapping[str, Slope]
 ) -> Tensor:
-    """Normalized `numbers` as they are, with the derivative `slopes` by the tensors among what was given."""
+    """Normalized `numbers` as they are, with the derivatives that `slopes` give by the tensors among what was given."""
     rows = []
     for number, name in zip(numbers.tolist(), names, strict=True):
         value, row = named.get(name), torch.tensor(number, dtype=torch.float64)
         if isinstance(value, Tensor) and name in slopes:
-            moved = value.double()
-            row = row.to(moved.device) + slopes[name] * (moved - moved.detach())
+            slope, is_logarithmic = slopes[name]
+            moved = value.double().log() if is_logarithmic else value.double()
+            row = row.to(moved.device) + slope * (moved - moved.detach())
         rows.append(row.cpu())
     return torch.stack(rows) if rows else torch.zeros(0, dtype=torch.float64)
 
 
-def _slopes(space: ParameterSpace, values: Mapping[str, Any]) -> dict[str, float]:
-    """The derivative of each normalized parameter by the parameter."""
+def _slopes(space: ParameterSpace, values: Mapping[str, Any]) -> dict[str, Slope]:
+    """The derivative of each normalized parameter by the parameter, or by its logarithm where True follows."""
     return {
-        p.name: 2.0 / (math.log(p.high / p.low) * values[p.name]) if p.scale == "log" else 2.0 / (p.high - p.low)
+        p.name: (2.0 / math.log(p.high / p.low), True) if p.scale == "log" else (2.0 / (p.high - p.low), False)
         for p in space.parameters
         if isinstance(values.get(p.name), int | float)
     }
 
 
-def _visual_slopes(variation: Variation, values: Mapping[str, Any]) -> dict[str, float]:
+def _visual_slopes(variation: Variation, values: Mapping[str, Any]) -> dict[str, Slope]:
     """The same for visualization parameters; of an isovalue that of the piece of its normalization, which is piecewise linear."""
     if not isinstance(variation, IsovalueVariation):
         return _slopes(variation.space, values)
     name = variation.space.names[0]
     trained = np.array(sorted(value for (value,) in variation.trained))  # [T]
     k = int(np.clip(np.searchsorted(trained, values[name], side="right"), 1, len(trained) - 1))
-    return {name: 2.0 / (len(trained) - 1) / float(trained[k] - trained[k - 1])}
+    return {name: (2.0 / (len(trained) - 1) / float(trained[k] - trained[k - 1]), False)}

@@ -82,6 +82,23 @@ def test_gradients_by_parameters_are_finite_differences(make: Any, camera: Camer
     torch.testing.assert_close(found, expected, rtol=1e-5, atol=1e-6 * float(expected.abs().max()))
 
 
+@pytest.mark.parametrize("make", [plain, logarithmic])
+def test_second_derivatives_by_parameters_are_finite_differences(make: Any) -> None:
+    model = make().differentiable(dtype=F64).requires_grad_(False)
+    scale = torch.tensor([500.0, 1.0], dtype=F64)
+    at = (torch.tensor([1830.0, 0.9], dtype=F64) / scale).requires_grad_()
+
+    def slope(x: Tensor, graph: bool) -> Tensor:
+        return torch.autograd.grad(loss_of(model(x * scale, CAMERA)), x, create_graph=graph)[0][0]
+
+    [found] = torch.autograd.grad(slope(at, True), at)
+    steps = [torch.tensor(s, dtype=F64) for s in ([1e-5, 0.0], [0.0, 1e-5])]
+    ends = [[slope((at.detach() + side * s).requires_grad_(), False) for side in (1.0, -1.0)] for s in steps]
+    expected = torch.stack([(ahead - behind) / 2e-5 for ahead, behind in ends])
+    assert expected.abs().max() > 1e-3
+    torch.testing.assert_close(found, expected, rtol=1e-4, atol=1e-5 * float(expected.abs().max()))
+
+
 @pytest.mark.parametrize(
     "asked", [{"isovalue": 0.23}, {"c1_value": 0.05, "c1_opacity": 0.04, "c2_value": -0.07, "c2_opacity": 0.1}], ids=str
 )
