@@ -180,9 +180,11 @@ def _height(
 ) -> tuple[float | None, tuple[str, ...]]:
     """The factor of coordinates along z that are of another unit than x and y, and a note on it; None for none.
 
-    Where x and y are `bare` of coordinates, their unit is that of the spacing.
+    Where x and y are `bare` of coordinates, their unit is that of the spacing.  Raises ValueError for two units of length.
     """
     x, y, z = units
+    if x != y and x in METRES and y in METRES:
+        raise ValueError(f"{order['x']!r} is in {x} and {order['y']!r} in {y}: store their coordinates in one unit")
     if min(map(len, axes)) < 2 or "z" in bare or len(bare) == 1:
         return None, ()
     length, width, height = (float(axis[-1] - axis[0]) for axis in axes)

@@ -38,13 +38,15 @@ def decoded(
     ----------
     name : of the array, for warnings.
     default_fill : without `_FillValue`, netCDF's default fill value marks what is missing.
+
+    Raises ValueError where `scale_factor` or `add_offset` is not one number.
     """
     if values.dtype.kind not in "fiu":
         return values
     values = values.astype(values.dtype.newbyteorder("="), copy=False)
     dtype, values = values.dtype, _signed(values, attrs)
     missing = _missing(values, dtype, attrs, name, default_fill)
-    scale, offset = (_number(attrs.get(key)) for key in ("scale_factor", "add_offset"))
+    scale, offset = (_number(attrs, key, name) for key in ("scale_factor", "add_offset"))
     if scale is not None or offset is not None:
         values = values.astype(_float_type(values.dtype, scale, offset))
         if scale is not None:
@@ -109,10 +111,14 @@ def _stated(attrs: Mapping[str, Any], key: str, dtype: np.dtype[Any], final: np.
     return np.empty(0, final)
 
 
-def _number(value: Any) -> Any:
-    """The one number of an attribute; None where it has none."""
-    array = np.ravel(value)
-    return array[0] if array.size == 1 and array.dtype.kind in "fiu" else None
+def _number(attrs: Mapping[str, Any], key: str, name: str) -> Any:
+    """The one number of an attribute; None where it is absent.  Raises ValueError for text and lists."""
+    if attrs.get(key) is None:
+        return None
+    array = np.ravel(attrs[key])
+    if array.size != 1 or array.dtype.kind not in "fiu":
+        raise ValueError(f"{name}: {key} must be one number, got {attrs[key]!r}: its values can't be unpacked")
+    return array[0]
 
 
 def _float_type(kind: np.dtype[Any], scale: Any, offset: Any) -> np.dtype[Any]:

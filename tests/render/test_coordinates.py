@@ -195,3 +195,8 @@ def test_of_a_data_set_what_describes_the_field_is_no_field() -> None:
     )
     assert np.array_equal(to_grid(data).values, held.values)
     assert to_grid(data, array="volcello").range == (0.0, 0.0)
+
+
+def test_horizontal_axes_in_two_units_of_length_are_refused() -> None:
+    with pytest.raises(ValueError, match="'lon' is in km and 'lat' in m: store their coordinates in one unit"):
+        to_grid(field([0.0, 1.0, 2.0], lon={"units": "km"}, lat={"units": "m"}))

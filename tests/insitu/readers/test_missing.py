@@ -207,3 +207,10 @@ def test_arrays_of_other_types_do_not_hide_the_field(tmp_path: Path) -> None:
     assert (read_data(tmp_path / "a.nc").values == 1.5).all()
     with pytest.raises(ValueError, match=r"array 'compound' must hold real numbers"):
         read_data(tmp_path / "a.nc", array="compound")
+
+
+@pytest.mark.parametrize("attribute", ["0.1", [0.5, 1.0], b"a"])
+@pytest.mark.parametrize("key", ["scale_factor", "add_offset"])
+def test_packing_by_anything_but_one_number_is_refused(key: str, attribute: Any) -> None:
+    with pytest.raises(ValueError, match=f"t: {key} must be one number, got"):
+        decoded(np.arange(4, dtype=np.int16), {key: attribute}, "t")
