@@ -45,6 +45,7 @@ class Snapshot:
     arrays: dict[str, Element]
     counts: tuple[int, int, int]  # of points along z, y, x
     geometry: Element
+    on_cells: frozenset[str]  # names of the arrays that are said to have one value for each cell
 
 
 @dataclass(frozen=True)
@@ -99,7 +100,12 @@ def read(path: Path, array: str | None, index: tuple[int, ...], sampling: Sampli
     except ValueError as error:
         raise ValueError(f"{name}: {error}") from None
     on_points = raw.shape == snapshot.counts
-    if not on_points and raw.shape != tuple(n - 1 for n in snapshot.counts):
+    cells = tuple(n - 1 for n in snapshot.counts)
+    if on_points and name in snapshot.on_cells:
+        raise ValueError(
+            f"{name} has {raw.shape} values on {cells} cells (z, y, x): Center should say Node, or Dimensions less"
+        )
+    if not on_points and raw.shape != cells:
         raise ValueError(f"{name} has {raw.shape} values on {snapshot.counts} points (z, y, x)")
     check_room(math.prod(raw.shape) * raw.kind.itemsize, f"{name!r}")
     values = np.memmap(raw.path, raw.kind, "r", raw.begins, raw.shape)  # [nz, ny, nx]
@@ -167,12 +173,13 @@ def _snapshots(path: Path) -> list[Snapshot]:
 def _snapshot(domain: Element, grid: Element, time: float | None) -> Snapshot:
     topology, geometry = (_referred(domain, grid, what) for what in ("Topology", "Geometry"))
     counts = _counts(topology)
-    arrays = {}
+    arrays, on_cells = {}, set()
     for attribute in grid.findall("Attribute"):
-        item = attribute.find("DataItem")
-        if item is not None and attribute.get("Name"):
-            arrays[str(attribute.get("Name"))] = item
-    return Snapshot(grid.get("Name", ""), time, arrays, counts, geometry)
+        item, name = attribute.find("DataItem"), attribute.get("Name")
+        if item is not None and name:
+            arrays[name] = item
+            on_cells.update([name] if attribute.get("Center") == "Cell" else [])
+    return Snapshot(grid.get("Name", ""), time, arrays, counts, geometry, frozenset(on_cells))
 
 
 def _referred(domain: Element, grid: Element, what: str) -> Element:

@@ -87,6 +87,13 @@ def series(folder: Path) -> Path:
     return path
 
 
+def test_an_array_of_cells_has_no_value_for_each_point(tmp_path: Path) -> None:
+    path = series(tmp_path)
+    path.write_text(path.read_text().replace('Center="Node"', 'Center="Cell"'))
+    with pytest.raises(ValueError, match=r"ux has \(4, 5, 6\) values on \(3, 4, 5\) cells"):
+        read_data(path, index=(0,))
+
+
 def test_a_file_may_hold_all_snapshots_and_their_times(tmp_path: Path) -> None:
     path = series(tmp_path)
     assert recognizes(path)
