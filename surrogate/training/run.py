@@ -110,8 +110,8 @@ def _trained(source: Source, checkpoint: Checkpoint | None, session: TrainingSes
     """The surrogate after all remaining steps."""
     session.report("loading", 0)
     data = source.data()
-    steps = plan(source, data)
     field = FieldModel.load(session.directory) if FieldModel.exists(session.directory) else None
+    steps = plan(source, data, field)
     field = field and field.learning(source.catalog, LEARNT)  # validation members choose while Gaussians are trained
     state = _begun(source, data, checkpoint, field)
     session.before, session.processor_before = state.seconds, state.processor_seconds

@@ -13,12 +13,15 @@ from catalogs.store.catalog import Catalog
 from catalogs.vocabulary.appearance import Appearance, VolumeRendering, field_of
 from catalogs.vocabulary.parameters import ParameterSpace
 from catalogs.vocabulary.variations import Variation
+from catalogs.vocabulary.variations.isovalue import IsovalueVariation
 from catalogs.vocabulary.words import joined_names
 from surrogate.appearance.field_gaussians import AnyGaussians, FieldValues
 from surrogate.appearance.scale import ValueScale
+from surrogate.emulation import FieldEmulator
 from surrogate.gaussians import Gaussians, Normalization
 from surrogate.initialization.field_points import field_points
 from surrogate.initialization.from_field import StartFromField, start_from_field
+from surrogate.initialization.on_surfaces import EmulatedSurfaces
 from surrogate.initialization.pictures import StartPoints
 from surrogate.initialization.start import initial_gaussians, initial_points, surface_points, with_random_normals
 from surrogate.model.field_model import FieldModel
@@ -171,12 +174,24 @@ class Source:
 
         None as well where the emulator predicts left-out members poorly: Gaussians that follow it are then worse than others.
         """
-        emulator = model.emulators.get(field_of(self.target))
-        if self.field is None or self.settings.initialization != "auto" or emulator is None:
-            return None
-        if emulator.outline or emulator.relative_error > MOST_ERROR:
+        emulator = self._followed(model, self.target)
+        if self.field is None or emulator is None:
             return None
         return start_from_field(self.settings, emulator, self.field, self.normalization)
+
+    def emulated_surfaces(self, model: FieldModel | None, variation: Variation) -> EmulatedSurfaces | None:
+        """The surfaces that a variation's own Gaussians start on; None where it shows others, or where none are followed."""
+        names = variation.named("train") if isinstance(variation, IsovalueVariation) else ()
+        surfaces = [a for a in self.catalog.plan.appearances if a.name in names]
+        emulator = self._followed(model, surfaces[0]) if model is not None and surfaces else None
+        return None if emulator is None else EmulatedSurfaces.of(emulator, variation)
+
+    def _followed(self, model: FieldModel, appearance: Appearance) -> FieldEmulator | None:
+        """The emulator that Gaussians start from."""
+        emulator = model.emulators.get(field_of(appearance))
+        if emulator is None or self.settings.initialization != "auto" or emulator.outline:
+            return None
+        return emulator if emulator.relative_error <= MOST_ERROR else None
 
     def opaque_pixels(self, variation: Variation) -> NDArray[np.float64]:
         """Some of those that pictures of a variation show, (M, 3) in [0, 1]."""

@@ -15,6 +15,7 @@ import numpy as np
 import torch
 
 from catalogs.vocabulary.variations import Variation
+from surrogate.model.field_model import FieldModel
 from surrogate.training.compression.choice import Choice
 from surrogate.training.compression.choices import Choose, choices
 from surrogate.training.compression.color_degree import (
@@ -94,8 +95,8 @@ class Decide:
 Step = Optimize | Decide
 
 
-def plan(source: Source, data: TrainingData) -> list[Step]:
-    """All steps of a training, `data` being the images of the base appearance."""
+def plan(source: Source, data: TrainingData, field: FieldModel | None = None) -> list[Step]:
+    """All steps of a training, `data` being the images of the base appearance, and `field` what Gaussians may start from."""
     settings = source.settings
     evaluator = functools.cache(lambda: Evaluator(settings, replace(data, validation=source.decision_images())))
 
@@ -131,27 +132,35 @@ def plan(source: Source, data: TrainingData) -> list[Step]:
     images = functools.lru_cache(maxsize=1)(lambda number: source.data(source.variations[number]))
     for number, variation in enumerate(source.variations):
         before = settings.canonical_steps + settings.deformation_steps + number * settings.visualization_steps
-        steps += _of_variation(source, variation, data, functools.partial(images, number), before)
+        steps += _of_variation(source, variation, field, data, functools.partial(images, number), before)
     if choosers:
         steps.append(Decide(precision, COMPRESSION, len(choosers), len(choosers) + 1))
     return steps
 
 
 def _of_variation(
-    source: Source, variation: Variation, base: TrainingData, images: Callable[[], TrainingData], before: int
+    source: Source,
+    variation: Variation,
+    field: FieldModel | None,
+    base: TrainingData,
+    images: Callable[[], TrainingData],
+    before: int,
 ) -> list[Step]:
     """Stage 3 for one variation of the appearance, of which `base` are the images without it."""
     settings = source.settings
+    surfaces = functools.cache(lambda: source.emulated_surfaces(field, variation))
 
     def color_degree(state: TrainingState) -> TrainingState:
         evaluator = Evaluator(settings, replace(images(), validation=source.decision_images(variation)))
         degree, choice = choose_visualized_color_degree(state.fitted, variation, source, evaluator)
-        visualization = new_visualization(*state.fitted, variation, source, degree)
-        visualization = in_common(visualization, settings, images())
+        visualization = new_visualization(*state.fitted, variation, source, degree, surfaces())
+        if surfaces() is None:
+            visualization = in_common(visualization, settings, images())
         return _decided(state, choice, visualizations=(*state.visualizations, visualization))
 
     def stage(state: TrainingState) -> Stage:
-        return visualization_stage(*state.fitted, state.visualizations[-1], settings)
+        begun = surfaces() is not None
+        return visualization_stage(*state.fitted, state.visualizations[-1], settings, begun=begun)
 
     def learnt() -> TrainingData:
         refined = source.field is not None and variation.edits_base  # the base's Gaussians, which are to stay as good

@@ -3,7 +3,8 @@
 Gaussians that carry values are refined, with the simulation deformation, on pictures under all transfer functions.  In all other
 cases those of the base stay as they are bit for bit.  There a transfer function changes only opacities and colours.  With other
 fields everything moves, and a copy of the simulation deformation is tuned as well.  Isovalues have Gaussians of their own, which
-start on points of the surfaces, learn what all have in common, then move with all parameters, and know the light on them.
+start on points of the surfaces, learn what all have in common, then move with all parameters, and know the light on them.  Where
+the field is emulated, they start on its surfaces, and move with these.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ from surrogate.deformation import BilinearDeformation
 from surrogate.deformation.values import VALUE_BINS, ValuesDeformation, placed_values
 from surrogate.deformation.visualization import Visualization
 from surrogate.gaussians import Gaussians
+from surrogate.initialization.on_surfaces import EmulatedSurfaces
 from surrogate.lighting import Lighting
 from surrogate.settings import TrainingSettings
 from surrogate.training.data import TrainingData
@@ -28,6 +30,7 @@ from surrogate.training.stages import Stage, canonical_stage, shared_of, simulat
 
 SIMULATION_FACTOR = 0.1  # of the rates of the simulation deformation's copy that is tuned in stage 3
 REFINEMENT_FACTOR = 0.3  # of all rates where Gaussians that carry values learn from more transfer functions
+BEGUN_FACTOR = 0.2  # of all rates where Gaussians start on emulated surfaces: at full ones they forget them
 STILL = 0.03  # of stage 3, for which Gaussians of its own do not move yet; without it half of them may die at once
 
 
@@ -44,14 +47,15 @@ def new_visualization(
     variation: Variation,
     source: Source,
     color_degree: int = 0,
+    surfaces: EmulatedSurfaces | None = None,
 ) -> Visualization:
-    """A visualization deformation that changes nothing yet, on the result of stage 2.
+    """A visualization deformation that changes nothing yet, on the result of stage 2; lit surfaces may start on emulated ones.
 
     It will show Gaussians of `color_degree`, or of their own degree where that is higher.
     """
     lighting = lighting_of(variation, source)
     if lighting is not None:
-        return _of_surfaces(lighting, variation, source).to(gaussians.means.device)
+        return _of_surfaces(lighting, variation, source, surfaces).to(gaussians.means.device)
     return shared_visualization(gaussians, simulation, variation, source, color_degree)
 
 
@@ -84,9 +88,14 @@ def shared_visualization(
     return Visualization(variation, deformation.to(gaussians.means.device), simulation.copy(), degree)
 
 
-def _of_surfaces(lighting: Lighting, variation: Variation, source: Source) -> Visualization:
+def _of_surfaces(
+    lighting: Lighting, variation: Variation, source: Source, surfaces: EmulatedSurfaces | None
+) -> Visualization:
     """A visualization deformation of lit surfaces, on Gaussians of its own."""
     settings = source.settings
+    if surfaces is not None:
+        own, deformation = surfaces.start(settings, source.normalization)
+        return Visualization(variation, deformation, None, 0, own, lighting)
     own = source.gaussians_on_surfaces(variation)
     parameters = len(source.catalog.plan.space) + len(variation.space)
     deformation = BilinearDeformation.create(own, parameters, settings, for_visualization=True)
@@ -114,11 +123,21 @@ def in_common(visualization: Visualization, settings: TrainingSettings, data: Tr
 
 
 def visualization_stage(
-    gaussians: AnyGaussians, simulation: BilinearDeformation, visualization: Visualization, settings: TrainingSettings
+    gaussians: AnyGaussians,
+    simulation: BilinearDeformation,
+    visualization: Visualization,
+    settings: TrainingSettings,
+    *,
+    begun: bool = False,
 ) -> Stage:
-    """Optimize `visualization` in place: its deformation and, if any, its own Gaussians or copy of the simulation deformation."""
+    """Optimize `visualization` in place: its deformation and, if any, its own Gaussians or copy of the simulation deformation.
+
+    Gaussians of its own may have `begun` on emulated surfaces, and then learn slowly.
+    """
     if visualization.gaussians is not None:
-        return _surface_stage(gaussians, simulation, visualization, settings)
+        stage = _surface_stage(gaussians, simulation, visualization, settings)
+        factor = BEGUN_FACTOR if begun else 1.0
+        return replace(stage, rates={name: factor * rate for name, rate in stage.rates.items()})
     of_vis, tuned = visualization.deformation, visualization.simulation
     if of_vis is None:
         return refinement_stage(gaussians, simulation, visualization, settings)

@@ -20,6 +20,7 @@ from surrogate.deformation import Offsets
 from surrogate.deformation.transfer import Transfer
 from surrogate.initialization.field_points import FieldPoints
 from surrogate.initialization.from_field import start_from_field
+from surrogate.initialization.on_surfaces import EmulatedSurfaces
 from surrogate.initialization.pictures import Picture, StartPoints
 from surrogate.initialization.structure_from_motion import Track
 from surrogate.model import MeanMember
@@ -97,6 +98,10 @@ SHOWN: list[tuple[Any, str]] = [
     (MeanMember(MODEL.at(Re=1830.0, time=1.0), EMULATED.member(FIELD_POINT)), "<MeanMember at p=0.5"),  # type: ignore[arg-type]
     (RepresentationScores({"view": {"field": 40.0}}), "RepresentationScores(psnr="),
     (START, "StartFromField(gaussians="),
+    (
+        EmulatedSurfaces(EMULATOR, FOLLOWING.variation, np.zeros((4, 3, 3)), np.ones(4), 1.0),
+        "EmulatedSurfaces(emulator[",
+    ),
     (START.emulated, "EmulatedValues(means[5], modes[5, "),
     (VariedPoint(0, {}, None, ()), "VariedPoint(number=0"),
 ]
