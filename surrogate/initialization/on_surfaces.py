@@ -36,7 +36,7 @@ REACH, NEAR, STEPS = (
     0.5,
     4,
 )  # samples that a Gaussian moves at most, from where on no surface is near, and Newton's steps
-MOST_MEMBERS = 4  # that are followed
+MOST_MEMBERS, MOST_ISOVALUES = 4, 8  # that are followed
 TAUGHT, RATE = 1_000, 1e-2  # steps of Adam, and its first rate
 COLUMNS = {
     "means": slice(0, 3),
@@ -108,17 +108,21 @@ class EmulatedSurfaces:
         deformation = BilinearDeformation.create(gaussians, inputs.shape[1], settings, for_visualization=True)
         return gaussians, _taught(deformation, inputs, moved - middle.numpy()[:, None])
 
-    def _moved(self, places: Array) -> tuple[Array, Array]:
+    def _moved(self, places: Array) -> tuple[Array, NDArray[np.float32]]:
         """Normalized parameters (S, P + 1), and places, changes of opacity and normals there (N, S, 7) of Gaussians."""
         points = self.emulator.processes.points
-        some = np.unique(np.linspace(0, len(points) - 1, MOST_MEMBERS).round().astype(int))
-        inputs, moved = [], []
-        for point in points[some]:
+        trained, inputs, moved = sorted(self.variation.trained), [], []
+        for point in points[_spread(len(points), MOST_MEMBERS)]:
             level = _Levels.of(_sampled(self.emulator, point))
-            for values in self.variation.trained:
+            for values in (trained[i] for i in _spread(len(trained), MOST_ISOVALUES)):
                 inputs.append(np.append(point, self.variation.normalize(values)))
                 moved.append(level.followed(places, values[0]))
         return np.array(inputs), np.stack(moved, axis=1)
+
+
+def _spread(count: int, most: int) -> NDArray[np.int64]:
+    """Indices of at most that many of `count` things, from the first to the last."""
+    return np.unique(np.linspace(0, count - 1, most).round().astype(np.int64))
 
 
 def _sampled(emulator: FieldEmulator, point: Array) -> SampledField:
@@ -139,7 +143,7 @@ class _Levels:
         slopes = [np.gradient(values, field.spacing[axis], axis=2 - axis) for axis in range(3)]
         return cls(field, np.stack([values, *slopes], axis=-1).reshape(-1, 4))
 
-    def followed(self, places: Array, isovalue: float) -> Array:
+    def followed(self, places: Array, isovalue: float) -> NDArray[np.float32]:
         """Places (N, 3) moved to a surface, how much fainter Gaussians are there, and the normals: (N, 7)."""
         side, at = min(self.field.spacing), places
         for _ in range(STEPS):
@@ -150,7 +154,8 @@ class _Levels:
         steepness = np.maximum(np.linalg.norm(slopes, axis=1), 1e-150)  # [N]
         off = np.abs(isovalue - values) / (steepness * side)  # [N], samples
         faintness = -FAINT * np.clip(off / NEAR, 0.0, 1.0)  # [N]
-        return np.concatenate([at, faintness[:, None], NORMAL * slopes / steepness[:, None]], axis=1)
+        normals = NORMAL * slopes / steepness[:, None]  # [N, 3]
+        return np.concatenate([at, faintness[:, None], normals], axis=1).astype(np.float32)
 
     def _at(self, places: Array) -> tuple[Array, Array]:
         """Values (N,) and gradients (N, 3) at places (N, 3), moved into the box."""
@@ -172,13 +177,13 @@ def _turned(normals: Tensor) -> Tensor:
     return torch.nn.functional.normalize(torch.stack([1.0 + z, -y, x, torch.zeros_like(z)], dim=1), dim=1)
 
 
-def _taught(deformation: BilinearDeformation, inputs: Array, moves: Array) -> BilinearDeformation:
+def _taught(deformation: BilinearDeformation, inputs: Array, moves: NDArray[np.float32]) -> BilinearDeformation:
     """The deformation whose offsets at `inputs` (S, P) are `moves` (N, S, 7), as nearly as its modes can."""
     count, settings, size = len(moves), len(inputs), deformation.latent_size
     used = np.r_[tuple(COLUMNS.values())]  # [7]
     factors = np.concatenate([np.full(c.stop - c.start, COUNTS[name] / UNITS[name]) for name, c in COLUMNS.items()])
-    table = (moves * factors).reshape(count, -1)  # [N, 7 S]
-    _, directions = np.linalg.eigh(table.T @ table)  # [7 S, 7 S], the strongest last
+    table = (moves * factors.astype(np.float32)).reshape(count, -1)  # [N, 7 S]
+    _, directions = np.linalg.eigh((table.T @ table).astype(np.float64))  # [7 S, 7 S], the strongest last
     directions = directions[:, ::-1][:, :size]  # [7 S, L]
     latents = table @ directions  # [N, L]
     sizes = np.maximum(latents.std(axis=0) / LATENT_SPREAD, 1e-9)  # [L]
