@@ -19,6 +19,7 @@ from surrogate.training.run import train
 from surrogate.training.source import MOST_ERROR, Source
 from surrogate.training.visualizations import BEGUN_FACTOR, new_visualization, visualization_stage
 from tests.support.field_catalogs import rendered
+from tests.support.interruptions import interrupt, outcome
 
 SETTINGS = TrainingSettings(
     gaussians=60, visualization_gaussians=80, canonical_steps=4, deformation_steps=8, visualization_steps=30
@@ -66,3 +67,12 @@ def test_a_run_starts_there_and_draws_them_again(catalog: Catalog, tmp_path: Pat
     np.testing.assert_array_equal(*pictures)
     alpha = surrogate.at(p=0.4, isovalue=0.3).render(camera)[..., 3]
     assert alpha.max() > 0.5
+
+
+@pytest.mark.parametrize("step", [12, 25], ids=["before the start", "after it"])
+def test_an_interrupted_run_ends_where_an_undisturbed_one_does(catalog: Catalog, tmp_path: Path, step: int) -> None:
+    interrupt(lambda progress: progress.step >= step, SETTINGS, catalog, tmp_path / "resumed")
+    assert not (tmp_path / "resumed" / "model.json").exists()
+    train(SETTINGS, catalog, tmp_path / "resumed")
+    train(SETTINGS, catalog, tmp_path / "undisturbed")
+    assert outcome(tmp_path / "resumed") == outcome(tmp_path / "undisturbed")
