@@ -177,6 +177,10 @@ class Normalization:
         """World points (..., 3) in the Gaussians' coordinates."""
         return (np.asarray(world, dtype=np.float64) - self.center) / self.extent
 
+    def world(self, points: ArrayLike) -> NDArray[np.float64]:
+        """World places of points (..., 3) in the Gaussians' coordinates."""
+        return np.asarray(points, dtype=np.float64) * self.extent + self.center
+
     def camera(self, camera: Camera) -> Camera:
         """The camera that sees normalized points where `camera` sees world points."""
         matrix = camera.world_to_camera.copy()  # [4, 4]

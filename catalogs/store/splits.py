@@ -117,6 +117,46 @@ def choose_splits(
     return Splits(splits | {member.name: "validation" for member in watched}, VALIDATION_VIEWS if lacking else 0)
 
 
+def with_later(
+    splits: Splits,
+    members: Sequence[Member],
+    space: ParameterSpace,
+    appearance: str,
+    *,
+    hold_out: float | None = None,
+    seed: int = 0,
+) -> Splits:
+    """The splits of a run with those of members that show `appearance` and came later; those it has stay.
+
+    Later members keep the catalog's split, but dumps of a run join the others.  Where `choose_splits` held out a share of the runs
+    for tests, or chose members for validation, some of the later ones follow, so that these shares stay.
+    """
+    own = dict(splits.members)
+    present = [m for m in members if m.name in own or appearance in m.appearances]
+    groups: list[list[Member]] = []
+    for run in runs_of(present, space):
+        earlier = {own[m.name] for m in run if m.name in own}
+        joined = next(iter(earlier)) if len(earlier) == 1 else ""
+        own |= {m.name: (joined or m.split) if m.split == "train" else m.split for m in run if m.name not in own}
+        groups += [run] if len({own[m.name] for m in run}) == 1 else [[m] for m in run]
+
+    def top_up(split: str, share: float, most: int = len(members), fewest: int = 1) -> None:
+        pool = [group for group in groups if own[group[0].name] in ("train", split)]
+        has = [i for i, group in enumerate(pool) if own[group[0].name] == split]
+        later = [i for i, group in enumerate(pool) if i not in has and all(m.name not in splits.members for m in group)]
+        lacking = min(most, round(share * len(pool))) - len(has)
+        if lacking > 0 and later and len(pool) >= fewest:
+            random = np.random.default_rng([seed, len(splits.members)])
+            for i in held_out(_places(pool, space), lacking, random, later, has):
+                own.update({m.name: split for m in pool[i]})
+
+    if hold_out is not None:
+        top_up("test", hold_out)
+    if all(m.split != "validation" for m in members):
+        top_up("validation", VALIDATION_SHARE, MOST_VALIDATION, FEWEST_TO_SPARE)
+    return Splits(own, splits.validation_views)
+
+
 def ordered_names(space: ParameterSpace) -> tuple[str, ...]:
     """The parameters that order the dumps of one run, by their names: time, step, cycle, snapshot, redshift and others."""
     words = set(ORDERED_WORDS.split())
@@ -140,8 +180,16 @@ def shared_runs(members: Sequence[Member], space: ParameterSpace) -> list[Member
     return [member for run in runs for member in run if member.split == "test"]
 
 
-def held_out(places: NDArray[np.float64], count: int, random: np.random.Generator) -> list[int]:
+def held_out(
+    places: NDArray[np.float64],
+    count: int,
+    random: np.random.Generator,
+    among: Sequence[int] | None = None,
+    before: Sequence[int] = (),
+) -> list[int]:
     """Rows of the normalized parameters (M, P) to hold out: at most `count`, each between others, spread as evenly as all rows.
+
+    They are some of the rows `among` (None: all), beside the rows `before` that are held out already.
 
     A row lies between others if it is inside their convex hull.  Where too few do, as in many dimensions, those nearest to the
     hull of the others follow, up to a quarter of the bounds away.  The first row is drawn from the inner half; each next one
@@ -149,7 +197,7 @@ def held_out(places: NDArray[np.float64], count: int, random: np.random.Generato
     """
     if len(places) < 3 or not places.shape[1]:
         return []
-    candidates = random.permutation(len(places))[: max(MOST_CANDIDATES, 2 * count)]
+    candidates = random.permutation(len(places) if among is None else among)[: max(MOST_CANDIDATES, 2 * count)]
     outside = np.array([_distance_to_hull(np.delete(places, i, axis=0), places[i]) for i in candidates])  # [C]
     order = np.argsort(outside, kind="stable")
     between = int((outside <= SURROUNDED).sum())
@@ -159,10 +207,11 @@ def held_out(places: NDArray[np.float64], count: int, random: np.random.Generato
         return []
     count = min(count, len(candidates), len(places) - 2)
     apart = np.linalg.norm(places[:, None] - places[candidates], axis=2)  # [M, C]
+    from_before = np.linalg.norm(places[:, None] - places[list(before)], axis=2)  # [M, B]
     inner = apart.sum(axis=0).argsort(kind="stable")[: -(-len(candidates) // 2)]
-    chosen = [int(random.choice(inner))]
+    chosen = [] if before else [int(random.choice(inner))]
     while len(chosen) < count:
-        nearest = apart[:, chosen].min(axis=1, keepdims=True)  # [M, 1]
+        nearest = np.hstack([apart[:, chosen], from_before]).min(axis=1, keepdims=True)  # [M, 1]
         total = np.minimum(apart, nearest).sum(axis=0)  # [C]
         total[chosen] = np.inf
         chosen.append(int(total.argmin()))

@@ -208,6 +208,20 @@ class BilinearDeformation:
         """L, the number of modes."""
         return self.latents.shape[1]
 
+    def widened(self, size: int, seed: int) -> BilinearDeformation:
+        """With more modes, up to `size`: nothing moves otherwise yet, but the new ones can learn, as in `create`."""
+        more = size - self.latent_size
+        if more <= 0:
+            return self
+        latents = LATENT_SPREAD * generator(seed, "latents").standard_normal((len(self.latents), more))
+        rows, (_, hidden) = more * len(self.units), self.weights_out.shape
+        return replace(
+            self,
+            latents=torch.cat([self.latents, _float32(latents)], dim=1),
+            weights_out=torch.cat([self.weights_out, torch.zeros(rows, hidden)]),
+            biases_out=torch.cat([self.biases_out, torch.zeros(rows)]),
+        )
+
     def reduced(self, size: int, places: Sequence[Tensor]) -> BilinearDeformation:
         """The `size` combinations of modes with which all offsets, in their units, change least at the parameters `places`.
 

@@ -35,6 +35,7 @@ PER_GAUSSIAN = ("emulated_means", "emulated_modes")
 EXACT = ("emulated_points", "emulated_coefficients", "emulated_lengths", "emulated_noises")
 SHARE = 0.5
 BEYOND = 0.2  # of the scale, by which emulated values may lie outside its ends
+RIDGE = 0.01  # of `EmulatedValues.like`
 TINY = 1e-24  # squared distance, below which a derivative by the parameters is zero
 
 
@@ -67,9 +68,34 @@ class EmulatedValues:
 
     def shifts(self, parameters: Tensor) -> Tensor:
         """The changes of the values (N,) on their scale, from the mean of the members, at normalized parameters (P,)."""
+        return self.share * (self.carried(parameters) - self._carried(self.means.detach()))
+
+    def like(self, before: EmulatedValues) -> EmulatedValues:
+        """The same with means and modes that differ as little as lets the members that `before` knows keep their values.
+
+        Ridge regression of these values (M, N) on a constant and the coefficients (M, K), of the size that each has.
+        """
+        points = torch.from_numpy(before.processes.points)  # [M, P]
+        ones = torch.ones(1, dtype=torch.float64)
+        factors = torch.stack([torch.cat([ones, self.coefficients(point)]) for point in points])  # [M, 1 + K]
+        sizes = factors.std(dim=0, correction=0)  # [1 + K]
+        sizes = torch.where(sizes > 0.0, sizes, 1.0)
+        factors, own = (
+            factors / sizes,
+            torch.cat([self.means[:, None], self.modes], dim=1).double() * sizes,
+        )  # [N, 1 + K]
+        error = torch.zeros_like(own)  # [N, 1 + K]
+        for point, row in zip(points, factors, strict=True):
+            error += torch.outer(self._uncarried(before.carried(point)).double() - own @ row, row)
+        gram = factors.T @ factors  # [1 + K, 1 + K]
+        ridge = RIDGE * gram.diagonal().mean() * torch.eye(len(gram))
+        table = ((own + torch.linalg.solve(gram + ridge, error.T).T) / sizes).to(self.means)
+        return replace(self, means=table[:, 0].contiguous(), modes=table[:, 1:].contiguous())
+
+    def carried(self, parameters: Tensor) -> Tensor:
+        """The emulated field (N,) on the scale of carried values, at normalized parameters (P,)."""
         coefficients = self.coefficients(parameters).to(self.means)  # [K]
-        means, modes = self.means.detach(), self.modes.detach()
-        return self.share * (self._carried(torch.addmv(means, modes, coefficients)) - self._carried(means))
+        return self._carried(torch.addmv(self.means.detach(), self.modes.detach(), coefficients))
 
     @property
     def carried_means(self) -> Tensor:
@@ -109,6 +135,13 @@ class EmulatedValues:
         low = torch.bucketize(values.detach(), knots[1:-1].contiguous(), right=True)  # [N]
         shares = (values - knots[low]) / (knots[low + 1] - knots[low])
         return ((low + shares) / last).clamp(-BEYOND, 1.0 + BEYOND)
+
+    def _uncarried(self, places: Tensor) -> Tensor:
+        """The values (N,) at places on the scale of carried ones."""
+        if self.scale is None:
+            return places
+        values, bends = self._bends
+        return torch.from_numpy(np.interp(places.numpy(), bends, values)).to(places)
 
     def tensors(self) -> dict[str, Tensor]:
         """Those that have a row per Gaussian, by the names of `PER_GAUSSIAN`."""

@@ -46,7 +46,7 @@ def start_from_field(
     count, random = settings.gaussians, generator(settings.seed, "initialization")
     places, distances = _places(emulator, field, count, random)  # [N, 3], [N], world units
     thickness = torch.from_numpy(THICKNESS * distances / field.base.opacity_unit_distance).float().clamp(min=1e-3)
-    emulated = _values_at(emulator, field, places)
+    emulated = values_at(emulator, field, places)
     values = torch.stack([emulated.carried_means, torch.full((count,), math.log(SPREAD))], dim=1)  # [N, 2]
     gaussians = FieldGaussians(
         means=torch.from_numpy(normalization.points(places)).float(),
@@ -85,9 +85,11 @@ def _density(emulator: FieldEmulator, field: FieldValues) -> NDArray[np.float64]
     return shares[0] if len(shares) == 1 else EVEN * shares[0] + (1.0 - EVEN) * shares[1]
 
 
-def _values_at(emulator: FieldEmulator, field: FieldValues, places: NDArray[np.float64]) -> EmulatedValues:
-    """The emulator's mean and modes at world places (N, 3)."""
-    corners = Corners.of(places, emulator.shape, emulator.spacing, emulator.origin)
+def values_at(emulator: FieldEmulator, field: FieldValues, places: NDArray[np.float64]) -> EmulatedValues:
+    """The emulator's mean and modes at world places (N, 3), outside of its box those of the nearest place inside."""
+    low = np.array(emulator.origin)  # [3]
+    high = low + np.array(emulator.spacing) * (np.array(emulator.shape[::-1]) - 1)  # [3]
+    corners = Corners.of(np.clip(places, low, high), emulator.shape, emulator.spacing, emulator.origin)
     means = torch.from_numpy(corners.average(emulator.mean)).float()  # [N]
     modes = torch.from_numpy(corners.average(emulator.modes).T.copy()).float()  # [N, K]
     return EmulatedValues(means, modes, emulator.processes, None if emulator.scale else field.scale)

@@ -72,7 +72,7 @@ class DeformedGaussians:
     @property
     def means(self) -> NDArray[np.float64]:
         """Centres in world units, (N, 3)."""
-        return self.gaussians.means.double().cpu().numpy() * self.normalization.extent + self.normalization.center
+        return self.normalization.world(self.gaussians.means.cpu().numpy())
 
     @property
     def scales(self) -> NDArray[np.float64]:

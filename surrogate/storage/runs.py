@@ -42,7 +42,8 @@ class RunRecord:
     splits : of the members that belong to the run; None: all members, as the catalog has them.
     fingerprint : of the training, by which the catalog is recognized.
     asked : what the command said, as JSON values; empty for a run of a scene.
-    chosen : what followed from it, and from the machine's speed; for people.
+    chosen : what followed from it, and from the machine's speed, for people; in `grown` how many members were taken in last, and
+        the settings that differ in that training.
     made : commit, machine and time.
     """
 
@@ -167,7 +168,8 @@ class RunFolder:
     def settings(self) -> TrainingSettings:
         """Those of training; raises ValueError where this version can't read them, FileNotFoundError where nobody knows them."""
         if self.record is not None:
-            place, settings = self.folder / RECORD, self.record.settings
+            place, chosen = self.folder / RECORD, self.record.chosen
+            settings = {**self.record.settings, **(chosen.get("grown") or {}).get("settings", {})}
         else:
             place = self.model / models.RECORD
             record = read_json(place)

@@ -12,6 +12,7 @@ from typing import Any
 
 from catalogs.files import durable
 from catalogs.store.catalog import Catalog
+from surrogate.model.field_model import FOLDER as FIELD
 from surrogate.settings import TrainingSettings
 from surrogate.storage import models
 from surrogate.storage.checkpoints import CHECKPOINT, fingerprint, locked
@@ -126,13 +127,15 @@ def calmer(run: RunFolder) -> RunFolder | None:
     record = run.record
     if record is None or not record.asked or record.chosen.get("calmed", 0) >= MOST_CALMED:
         return None
-    before = run.settings
+    before = TrainingSettings.from_record(record.settings)
     settings = before.changed(latent_rate=before.latent_rate / 2.0, embedding_rate=before.embedding_rate / 2.0)
     chosen = {**record.chosen, "calmed": record.chosen.get("calmed", 0) + 1}
+    calm = replace(record, settings=settings.to_json(), chosen=chosen)
     with locked(run.folder):
         (run.model / CHECKPOINT).unlink(missing_ok=True)
-        mark = fingerprint(settings, run.catalog)
-        replace(record, settings=settings.to_json(), fingerprint=mark, chosen=chosen).save(run.folder)
+        models.remove(run.model / FIELD)  # it names the settings, and takes seconds
+        mark = fingerprint(RunFolder(run.folder, calm).settings, run.catalog)
+        replace(calm, fingerprint=mark).save(run.folder)
     return RunFolder.open(run.folder)
 
 

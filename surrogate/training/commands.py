@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 from collections.abc import Iterator
+from dataclasses import replace
 from functools import partial
 from itertools import chain
 from pathlib import Path
@@ -54,6 +55,11 @@ if TYPE_CHECKING:
     show_default=True,
     help="Stop after the emulator of the coarse fields, or train the Gaussians as well.",
 )
+@click.option(
+    "--new-members",
+    is_flag=True,
+    help="Take in the members that came after RUN began, and go on from its model with their share of the steps.",
+)
 @RUNS
 def train(
     source: Path,
@@ -61,6 +67,7 @@ def train(
     output: Path | None,
     file: Path | None,
     model: str,
+    new_members: bool,
     runs: Path,
     **options: Any,
 ) -> None:
@@ -80,6 +87,8 @@ def train(
         raise click.ClickException(
             f"{', '.join(wrong)}: for a catalog only; {source} is a {kind}, which says all of this itself"
         )
+    if new_members and kind != "run":
+        raise click.ClickException(f"--new-members: for the folder of a run only; {source} is a {kind}")
     from surrogate.training.ranks import launched
 
     resumed = "what was trained is stored; run the same command to resume"
@@ -90,7 +99,7 @@ def train(
             opened = OpenRun.of_run(run)
         else:
             opened = OpenRun.open(source, runs)
-        _train(opened, ranks, only_field=only_field)
+        _train(opened, ranks, only_field=only_field, new_members=new_members)
 
 
 def _begun(
@@ -117,24 +126,31 @@ def _begun(
     return run
 
 
-def _train(opened: OpenRun, ranks: Ranks, *, only_field: bool) -> None:
+def _train(opened: OpenRun, ranks: Ranks, *, only_field: bool, new_members: bool) -> None:
     from surrogate.model import FieldModel
     from surrogate.training.emulator import described
+    from surrogate.training.growth import take_place
     from surrogate.training.messages import closing
 
+    opened, growing = _growing(opened, ranks, only_field=only_field, new_members=new_members)
+    outer, opened = opened, growing or opened
     is_finished = ranks.by_first(lambda: _is_finished(opened, only_field=only_field))
     had_field = FieldModel.exists(opened.model)
-    for text in _notes(opened, is_finished) if ranks.is_first else ():
+    for text in _notes(opened, is_finished, outer.folder) if ranks.is_first else ():
         click.echo(f"  {text}", err=True)
     if not is_finished and not only_field:
         news = ranks.by_first(lambda: _fit_emulator(opened))
         for text in news if ranks.is_first else ():
             click.echo(f"  {text}", err=True)
-    surrogate, opened = _trained(opened, ranks, only_field=only_field)  # which looks whether it is this one
+    before = outer if growing else None
+    surrogate, opened = _trained(opened, ranks, before, only_field=only_field)  # which looks whether it is this one
+    if growing:
+        record = ranks.by_first(lambda: take_place(_folder(outer), _folder(opened)).record)
+        opened = OpenRun.of_run(replace(_folder(outer), record=record))
     if not ranks.is_first:
         return
     opened.keep_record()
-    if is_finished:
+    if is_finished and not growing:
         news = (
             [] if surrogate.field is None or had_field else ["an emulated field is new", *described(surrogate.scores)]
         )
@@ -145,6 +161,38 @@ def _train(opened: OpenRun, ranks: Ranks, *, only_field: bool) -> None:
     click.echo(f"{surrogate!r} after {surrogate.training['seconds']:.0f} s -> {opened.model}")
     for text in closing(surrogate, opened.catalog, opened.folder):
         click.echo(text)
+
+
+def _growing(opened: OpenRun, ranks: Ranks, *, only_field: bool, new_members: bool) -> tuple[OpenRun, OpenRun | None]:
+    """The run, and the training that will take its place; None without one."""
+    from surrogate.storage.runs import RunFolder
+    from surrogate.training.growth import GROWING, begin_growing, growing
+    from surrogate.training.messages import growing_line
+
+    if not opened.is_of_catalog:
+        return opened, None
+
+    def records() -> tuple[RunRecord | None, RunRecord | None]:
+        inner = growing(_folder(opened))
+        run = _folder(opened)  # whose place one that was finished may have taken
+        if inner is None and new_members:
+            inner = begin_growing(run, only_field=only_field)
+        return run.record, None if inner is None else inner.record
+
+    record, inner = ranks.by_first(records)
+    opened = OpenRun.of_run(RunFolder(opened.folder, record))
+    if inner is None:
+        return opened, None
+    run = RunFolder(opened.folder / GROWING, inner)
+    if ranks.is_first:
+        click.echo(f"  {growing_line(run)}", err=True)
+    return opened, OpenRun.of_run(run)
+
+
+def _folder(opened: OpenRun) -> RunFolder:
+    from surrogate.storage.runs import RunFolder
+
+    return RunFolder.open(opened.folder)
 
 
 def _fit_emulator(opened: OpenRun) -> list[str]:
@@ -160,14 +208,14 @@ def _fit_emulator(opened: OpenRun) -> list[str]:
     return list(described(with_scores(Surrogate.load(opened.model), opened.catalog, opened.model).scores))
 
 
-def _notes(opened: OpenRun, is_finished: bool) -> Iterator[str]:
+def _notes(opened: OpenRun, is_finished: bool, folder: Path) -> Iterator[str]:
     """Sentences on the catalog of a run; raises ValueError where it can't be learnt."""
     from surrogate.training.messages import grown_line, starting, tests_line
     from surrogate.training.requirements import require_possible
     from surrogate.training.source import Source
 
     appearance = opened.settings.appearance or opened.catalog.appearance_names[0]
-    grown = grown_line(opened.catalog, appearance, opened.folder)
+    grown = grown_line(opened.catalog, appearance, folder)
     if is_finished:
         return filter(None, [tests_line(opened.catalog), grown])
     source = Source(opened.settings, opened.catalog)
@@ -187,14 +235,24 @@ def _is_finished(opened: OpenRun, *, only_field: bool) -> bool:
     return is_finished
 
 
-def _trained(opened: OpenRun, ranks: Ranks, *, only_field: bool) -> tuple[Surrogate, OpenRun]:
-    """The surrogate and the run that it is of; a catalog's training that diverges begins anew with lower rates."""
+def _trained(
+    opened: OpenRun, ranks: Ranks, before: OpenRun | None = None, *, only_field: bool
+) -> tuple[Surrogate, OpenRun]:
+    """The surrogate and the run that it is of, which goes on from the model of another run `before`, where there is one.
+
+    A catalog's training that diverges begins anew with lower rates.
+    """
     from surrogate.storage.runs import RunFolder
+    from surrogate.training.growth import keep_start
     from surrogate.training.loop import Diverged
     from surrogate.training.run import train as run
 
     while True:
         with ProgressLine(None if ranks.is_first else io.StringIO()) as line:
+            if before is not None and not only_field:
+                note = ranks.by_first(partial(keep_start, _folder(before), _folder(opened)))
+                if note:
+                    line.say(note)
             try:
                 settings, catalog, folder = opened.settings, opened.catalog, opened.model
                 return run(settings, catalog, folder, progress=line, ranks=ranks, only_field=only_field), opened

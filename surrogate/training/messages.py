@@ -18,7 +18,7 @@ from surrogate.evaluation.predictor import SurrogatePredictor
 from surrogate.evaluation.scoring import mean, score_cases, spread
 from surrogate.model import Surrogate
 from surrogate.splatting.threads import one_torch_thread
-from surrogate.storage.runs import RunFolder
+from surrogate.storage.runs import RunFolder, RunRecord
 from surrogate.training.content import empty_images
 from surrogate.training.emulator import described
 from surrogate.training.source import Source
@@ -122,11 +122,20 @@ def grown_line(catalog: Catalog, appearance: str, folder: Path) -> str:
     more = sum(appearance in catalog.member(name).appearances for name in names) if catalog.splits else 0
     if not more:
         return ""
+    said, record = f"{plural(more, 'member')} of {catalog.path} came after this run began", RunRecord.load(folder)
+    if record is not None and record.asked:
+        return f"{said}: once it is finished, `surrogate train {folder} --new-members` goes on with them from its model"
     free = next(place for n in count(2) if not (place := folder.with_name(f"{folder.name}-{n}")).exists())
-    return (
-        f"{plural(more, 'member')} of {catalog.path} came after this run began: `surrogate train {catalog.path} -o {free}` begins "
-        "a run with them"
-    )
+    return f"{said}: `surrogate train {catalog.path} -o {free}` begins a run with them"
+
+
+def growing_line(run: RunFolder) -> str:
+    """A sentence on a training that goes on from a finished model."""
+    settings, grown = run.settings, (run.record.chosen if run.record else {}).get("grown", {})
+    steps = settings.deformation_steps if "deformation_steps" in grown.get("settings", {}) else 0
+    steps += settings.visualization_steps * len(Source(settings, run.catalog).variations) if steps else 0
+    later = plural(grown.get("members", 0), "later member")
+    return f"goes on from its model with {later}, {steps:,} steps" if steps else f"takes {later} in"
 
 
 def starting(source: Source) -> Iterator[str]:

@@ -135,7 +135,7 @@ def _trained(source: Source, checkpoint: Checkpoint | None, session: TrainingSes
             "processor_seconds": session.processor_seconds(),
             "commit": commit(),
             "code_version": code(),
-            "steps": _steps(source),
+            "steps": state.steps_before + _steps(source),
             "settings": source.settings.to_json(),
             "curve": list(state.curve),
             "choices": list(state.choices),

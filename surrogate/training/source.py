@@ -17,10 +17,11 @@ from catalogs.vocabulary.variations.isovalue import IsovalueVariation
 from catalogs.vocabulary.words import joined_names
 from surrogate.appearance.field_gaussians import AnyGaussians, FieldValues
 from surrogate.appearance.scale import ValueScale
+from surrogate.deformation.emulated_values import EmulatedValues
 from surrogate.emulation import FieldEmulator
 from surrogate.gaussians import Gaussians, Normalization
 from surrogate.initialization.field_points import field_points
-from surrogate.initialization.from_field import StartFromField, start_from_field
+from surrogate.initialization.from_field import StartFromField, start_from_field, values_at
 from surrogate.initialization.on_surfaces import EmulatedSurfaces
 from surrogate.initialization.pictures import StartPoints
 from surrogate.initialization.start import initial_gaussians, initial_points, surface_points, with_random_normals
@@ -185,6 +186,13 @@ class Source:
         surfaces = [a for a in self.catalog.plan.appearances if a.name in names]
         emulator = self._followed(model, surfaces[0]) if model is not None and surfaces else None
         return None if emulator is None else EmulatedSurfaces.of(emulator, variation)
+
+    def emulated_values(self, model: FieldModel, gaussians: AnyGaussians) -> EmulatedValues | None:
+        """The emulated field at Gaussians that carry values; None where it has none that they can follow."""
+        emulator = self._followed(model, self.target)
+        if emulator is None or self.field is None:
+            return None
+        return values_at(emulator, self.field, self.normalization.world(gaussians.means.detach().numpy()))
 
     def _followed(self, model: FieldModel, appearance: Appearance) -> FieldEmulator | None:
         """The emulator that Gaussians start from."""

@@ -17,6 +17,9 @@ from surrogate.storage.checkpoints import Checkpoint
 from surrogate.storage.encoding import Encoding
 from surrogate.storage.names import joined, part_of
 from surrogate.training.loop import LoopMemory
+from surrogate.training.stages import Stage
+
+WARM_FACTOR = 0.3  # of all rates in a training that goes on from a finished model
 
 RECORDED = (
     "done",
@@ -25,6 +28,7 @@ RECORDED = (
     "choices",
     "seconds",
     "processor_seconds",
+    "steps_before",
 )  # in a checkpoint's record as they are
 
 
@@ -87,6 +91,7 @@ class TrainingState:
     losses : of the steps since the last point of `curve`.
     curve, choices : as in a model's `training`.
     seconds, processor_seconds : that training has taken, and those of all cores.
+    steps_before : of trainings whose model this one goes on from.
     encodings : of the model's tensors, by name; no checkpoint holds them, for the last step chooses them.
     """
 
@@ -99,6 +104,7 @@ class TrainingState:
     choices: tuple[Mapping[str, Any], ...] = ()
     seconds: float = 0.0
     processor_seconds: float = 0.0
+    steps_before: int = 0
     encodings: Mapping[str, Encoding] = field(default_factory=dict)
 
     def copy(self) -> TrainingState:
@@ -109,6 +115,12 @@ class TrainingState:
         """The same on another device, but for the loop's tensors."""
         visualizations = tuple(v.to(device) for v in self.visualizations)
         return replace(self, fitted=self.fitted.to(device), visualizations=visualizations)
+
+    def slowed(self, stage: Stage) -> Stage:
+        """A stage of this training: at lower rates where it goes on from a finished model."""
+        if not self.steps_before:
+            return stage
+        return replace(stage, rates={name: WARM_FACTOR * rate for name, rate in stage.rates.items()})
 
     def checkpoint(self, fingerprint: str) -> Checkpoint:
         """The checkpoint that `load` reads, of the run with this fingerprint."""
@@ -137,6 +149,7 @@ class TrainingState:
             ),
             seconds=record["seconds"],
             processor_seconds=record["processor_seconds"],
+            steps_before=record.get("steps_before", 0),
             losses=tuple(record["losses"]),
             curve=tuple(record["curve"]),
             choices=tuple(record["choices"]),

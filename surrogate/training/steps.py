@@ -14,7 +14,6 @@ from typing import Any
 import numpy as np
 import torch
 
-from catalogs.vocabulary.variations import Variation
 from surrogate.model.field_model import FieldModel
 from surrogate.training.compression.choice import Choice
 from surrogate.training.compression.choices import Choose, choices
@@ -101,10 +100,10 @@ def plan(source: Source, data: TrainingData, field: FieldModel | None = None) ->
     evaluator = functools.cache(lambda: Evaluator(settings, replace(data, validation=source.decision_images())))
 
     def canonical(state: TrainingState) -> Stage:
-        return canonical_stage(state.fitted.gaussians, settings)
+        return state.slowed(canonical_stage(state.fitted.gaussians, settings))
 
     def simulation(state: TrainingState) -> Stage:
-        return simulation_stage(*state.fitted, settings)
+        return state.slowed(simulation_stage(*state.fitted, settings))
 
     def color_degree(state: TrainingState) -> TrainingState:
         degree, choice = choose_color_degree(state.fitted, evaluator())
@@ -130,9 +129,9 @@ def plan(source: Source, data: TrainingData, field: FieldModel | None = None) ->
     for i, choose in enumerate(choosers):
         steps.append(Decide(functools.partial(decide, choose), COMPRESSION, i, len(choosers) + 1))
     images = functools.lru_cache(maxsize=1)(lambda number: source.data(source.variations[number]))
-    for number, variation in enumerate(source.variations):
+    for number in range(len(source.variations)):
         before = settings.canonical_steps + settings.deformation_steps + number * settings.visualization_steps
-        steps += _of_variation(source, variation, field, data, functools.partial(images, number), before)
+        steps += _of_variation(source, number, field, data, functools.partial(images, number), before)
     if choosers:
         steps.append(Decide(precision, COMPRESSION, len(choosers), len(choosers) + 1))
     return steps
@@ -140,17 +139,19 @@ def plan(source: Source, data: TrainingData, field: FieldModel | None = None) ->
 
 def _of_variation(
     source: Source,
-    variation: Variation,
+    number: int,
     field: FieldModel | None,
     base: TrainingData,
     images: Callable[[], TrainingData],
     before: int,
 ) -> list[Step]:
     """Stage 3 for one variation of the appearance, of which `base` are the images without it."""
-    settings = source.settings
+    settings, variation = source.settings, source.variations[number]
     surfaces = functools.cache(lambda: source.emulated_surfaces(field, variation))
 
     def color_degree(state: TrainingState) -> TrainingState:
+        if number < len(state.visualizations):  # where training goes on from a finished model
+            return state
         evaluator = Evaluator(settings, replace(images(), validation=source.decision_images(variation)))
         degree, choice = choose_visualized_color_degree(state.fitted, variation, source, evaluator)
         visualization = new_visualization(*state.fitted, variation, source, degree, surfaces())
@@ -159,8 +160,8 @@ def _of_variation(
         return _decided(state, choice, visualizations=(*state.visualizations, visualization))
 
     def stage(state: TrainingState) -> Stage:
-        begun = surfaces() is not None
-        return visualization_stage(*state.fitted, state.visualizations[-1], settings, begun=begun)
+        begun = surfaces() is not None and not state.steps_before
+        return state.slowed(visualization_stage(*state.fitted, state.visualizations[number], settings, begun=begun))
 
     def learnt() -> TrainingData:
         refined = source.field is not None and variation.edits_base  # the base's Gaussians, which are to stay as good

@@ -220,3 +220,18 @@ def test_the_first_steps_move_offsets_equally_far_whatever_the_widths(size: int,
         adam.step(1.0)
     moved = deformation.deformed(gaussians, torch.tensor([0.5, -0.3]))
     assert 0.2 < float(moved.log_scales.detach().abs().max()) < 1.8
+
+
+def test_more_modes_move_nothing_yet_but_can_learn() -> None:
+    gaussians = canonical(11, 3)
+    narrow = random_deformation(gaussians, 2, torch.float32)
+    wide = narrow.widened(9, seed=0)
+    place = torch.tensor([0.2, -0.4])
+    assert (narrow.latent_size, wide.latent_size, narrow.widened(5, seed=0)) == (5, 9, narrow)
+    torch.testing.assert_close(flat(wide.offsets(gaussians, place)), flat(narrow.offsets(gaussians, place)))
+    learning = wide.copy()
+    learning.weights_out.requires_grad_()
+    flat(learning.offsets(gaussians, place)).sum().backward()
+    assert learning.weights_out.grad is not None
+    assert learning.weights_out.grad[5 * 14 :].abs().max() > 0
+    assert torch.equal(BilinearDeformation.load(wide.stored(), wide.record()).latents, wide.latents)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -15,7 +16,11 @@ from surrogate.training.messages import grown_line
 from tests.support.results import make_catalog
 
 SAID = (
-    "2 members of {catalog} came after this run began: `surrogate train {catalog} -o {folder}-2` begins a run with them"
+    "2 members of {catalog} came after this run began: once it is finished, `surrogate train {folder} --new-members` goes on with "
+    "them from its model"
+)
+OF_SCENE = (
+    "2 members of {catalog} came after this run began: `surrogate train {catalog} -o {folder}-3` begins a run with them"
 )
 
 
@@ -34,8 +39,10 @@ def test_members_that_came_later_are_counted(tmp_path: Path) -> None:
     add(catalog, "later", 0.4)
     assert grown_line(run.catalog, "drawn", folder) == SAID.format(catalog=catalog.path, folder=folder)
     assert grown_line(run.catalog, "another", folder) == ""
+    assert run.record is not None
+    replace(run.record, asked={}).save(folder)
     folder.with_name("mine-2").mkdir()
-    assert f"-o {folder}-3`" in grown_line(run.catalog, "drawn", folder)
+    assert grown_line(run.catalog, "drawn", folder) == OF_SCENE.format(catalog=catalog.path, folder=folder)
 
 
 @pytest.mark.slow
