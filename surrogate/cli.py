@@ -6,6 +6,7 @@ import click
 
 from catalogs.commands import Commands
 from catalogs.version import version_option
+from surrogate.answers.commands import ask
 from surrogate.explore.commands import explore
 from surrogate.explore.exporting.commands import export, sweep
 from surrogate.report.commands import evaluate
@@ -20,5 +21,5 @@ def main() -> None:
     """Fit Gaussians to a Cinema catalog and see the ensemble at any view and parameter."""
 
 
-for command in (export, sweep, train, evaluate, show, explore):
+for command in (export, sweep, train, evaluate, show, explore, ask):
     main.add_command(command)

@@ -1,0 +1,1 @@
+"""Answers of a surrogate to questions: how sure it is of a picture."""

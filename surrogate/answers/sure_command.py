@@ -1,0 +1,58 @@
+"""`surrogate ask sure`."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import click
+
+from catalogs.commands import one_line_errors
+from catalogs.files import durable
+from surrogate.command_line import RUNS, SCENE, OpenRun, load_surrogate
+
+
+@click.command("sure")
+@SCENE
+@RUNS
+@click.option("-p", "named", multiple=True, metavar="NAME=VALUE", help="A parameter; all of the simulation.")
+@click.option("--view", type=click.IntRange(min=0), default=0, show_default=True, help="Stored camera.")
+@click.option("-o", "output", type=click.Path(dir_okay=False, path_type=Path), help="Write the map there (PNG).")
+@click.option("--json", "as_json", is_flag=True, help="Print JSON.")
+def sure(scene: Path, runs: Path, named: tuple[str, ...], view: int, output: Path | None, *, as_json: bool) -> None:
+    """Say how sure the surrogate of a SCENE or a RUN is of a picture.
+
+    It takes a minute the first time: members are predicted by emulators that did not learn from them.
+    """
+    opened = OpenRun.open(scene, runs)
+    surrogate, catalog = load_surrogate(opened.model), opened.catalog
+    from surrogate.answers.doubt import Doubt
+    from surrogate.answers.maps import error_map, map_png
+
+    with one_line_errors():
+        cameras = catalog.plan.cameras or catalog.members[0].cameras
+        if view >= len(cameras):
+            raise ValueError(f"--view must be below {len(cameras)}, the number of stored cameras, got {view}")
+        parameters = parameters_of(named)
+        surrogate.at(parameters, outside="allow")  # complains before anything is measured
+        doubt = Doubt.of(surrogate, catalog, opened.folder)
+        interval = doubt.interval(parameters, cameras[view])
+        if output is not None:
+            durable.replace(output, map_png(error_map(doubt, parameters, cameras[view])))
+    click.echo(json.dumps(interval.to_json(), indent=1) if as_json else interval.sentence)
+    if output is not None:
+        click.echo(f"-> {output}", err=as_json)
+
+
+def parameters_of(named: tuple[str, ...]) -> dict[str, float | str]:
+    """Values by name of arguments NAME=VALUE; raises ValueError for another form."""
+    values: dict[str, float | str] = {}
+    for argument in named:
+        name, equals, text = argument.partition("=")
+        if not (name and equals and text):
+            raise ValueError(f"-p takes NAME=VALUE, got {argument!r}")
+        try:
+            values[name] = float(text)
+        except ValueError:
+            values[name] = text
+    return values

@@ -1,0 +1,177 @@
+"""Intervals of pictures' PSNR, calibrated by members that were left out."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+import insitu
+from catalogs.files.images import read_image
+from catalogs.store.catalog import Catalog
+from catalogs.vocabulary.appearance import VolumeRendering
+from catalogs.vocabulary.parameters import Parameter, ParameterSpace
+from catalogs.vocabulary.scene import ViewPlan
+from surrogate.answers.doubt import BETWEEN, FAR, FILE, LIKE, NEVER, Doubt
+from surrogate.answers.maps import error_map
+from surrogate.answers.unseen import of_emulator
+from surrogate.cli import main
+from surrogate.evaluation.metrics import WHITE, composite, psnr
+from surrogate.explore.run import Run
+from surrogate.model import Surrogate
+from surrogate.settings import TrainingSettings
+from surrogate.storage.checkpoints import fingerprint
+from surrogate.storage.runs import RunRecord
+from surrogate.training.run import train
+from tests.support.hooked import FUNCTION, blob
+
+SETTINGS = TrainingSettings(
+    gaussians=60, canonical_steps=2, deformation_steps=4, visualization_steps=4, fit_to_need=False
+)
+TRAINED = np.linspace(0.0, 1.0, 14)
+VALIDATED, TESTED = (0.11, 0.34, 0.57, 0.81), (0.04, 0.2, 0.42, 0.5, 0.65, 0.73, 0.88, 0.96)
+SIDE = 12
+
+
+def moving(p: float) -> Any:
+    """A field that changes ever faster with p: hard to predict where p is large."""
+    wave = np.sin(np.linspace(0.0, 9.0, SIDE) + 12.0 * p**3)
+    return (blob(size=SIDE) * (0.7 + 0.3 * wave)).astype(np.float32)
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A run whose catalog lies beside its surrogate."""
+    folder = tmp_path_factory.mktemp("run")
+    space = ParameterSpace((Parameter("p", 0.0, 1.0),))
+    views = ViewPlan(frequency=1, width=32, height=32)
+    with insitu.Session(
+        folder / "catalog.cdb", space=space, appearances=[VolumeRendering("dvr", FUNCTION)], views=views
+    ) as session:
+        for split, values in (("train", TRAINED), ("validation", VALIDATED), ("test", TESTED)):
+            for p in values:
+                session.render_member(moving(p), {"p": float(p)}, spacing=(1.1 / (SIDE - 1),) * 3, split=split)
+    catalog = Catalog.open(folder / "catalog.cdb")
+    train(SETTINGS, catalog, folder / "surrogate", only_field=True)
+    mark = fingerprint(SETTINGS, catalog)
+    RunRecord("catalog.cdb", SETTINGS.to_json(), catalog.splits, mark).save(folder)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def catalog(folder: Path) -> Catalog:
+    return Catalog.open(folder / "catalog.cdb")
+
+
+@pytest.fixture(scope="module")
+def surrogate(folder: Path) -> Surrogate:
+    return Surrogate.load(folder / "surrogate")
+
+
+@pytest.fixture(scope="module")
+def doubt(folder: Path, surrogate: Surrogate, catalog: Catalog) -> Doubt:
+    return Doubt.of(surrogate, catalog, folder)
+
+
+def test_intervals_hold_for_members_of_the_test(doubt: Doubt, surrogate: Surrogate, catalog: Catalog) -> None:
+    inside, expected, true = [], [], []
+    for member in (m for m in catalog.members if m.split == "test"):
+        camera = member.cameras[5]
+        interval = doubt.interval(member.parameters, camera)
+        picture = composite(surrogate.at(member.parameters).render(camera), WHITE)
+        truth = psnr(composite(catalog.image(member, "dvr", 5), WHITE), picture)
+        assert interval.low is not None
+        assert interval.high is not None
+        inside.append(interval.low <= truth <= interval.high)
+        expected.append(interval.psnr)
+        true.append(truth)
+    assert np.mean(inside) >= 0.75  # of 90 % promised, eight members
+    assert np.corrcoef(expected, true)[0, 1] > 0.6  # it knows where it is hard
+
+
+def test_what_calibrates_is_predicted_without_itself(surrogate: Surrogate, catalog: Catalog) -> None:
+    assert surrogate.field is not None
+    left_out = [*of_emulator(surrogate.field, catalog, lambda *_: None)]
+    learnt = {m.name: m for m in catalog.members if m.split in surrogate.field.splits}
+    assert {one.member for one in left_out} == set(learnt)
+    seen = []
+    for one in left_out:
+        member = learnt[one.member]
+        picture = composite(surrogate.at(member.parameters).render(member.cameras[0]), WHITE)
+        seen.append(psnr(composite(catalog.image(member, "dvr", 0), WHITE), picture))
+    assert np.mean([one.truth for one in left_out]) < np.mean(seen) - 2.0
+
+
+def test_words_tell_runs_from_what_lies_between_and_outside(doubt: Doubt, catalog: Catalog) -> None:
+    learnt = next(m for m in catalog.members if m.split == "train")
+    assert doubt.place(learnt.parameters)[0] == LIKE
+    assert {doubt.place({"p": p})[0] for p in np.linspace(0.01, 0.99, 40)} <= {LIKE, BETWEEN, FAR}
+    outside = doubt.interval({"p": 1.4}, learnt.cameras[0])
+    assert (outside.words, outside.psnr) == (NEVER, None)
+    assert "p" in outside.why
+
+
+def test_a_record_is_used_again_and_a_damaged_one_is_not(
+    doubt: Doubt, folder: Path, surrogate: Surrogate, catalog: Catalog, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    measured = "surrogate.answers.doubt._measured"
+    path = folder / FILE
+    with monkeypatch.context() as patched:
+        patched.setattr(measured, lambda *_: pytest.fail("measured again"))
+        assert Doubt.of(surrogate, catalog, folder).calibrations == doubt.calibrations
+    whole = path.read_bytes()
+    record = json.loads(whole)
+    record["values"]["calibrations"]["view field"]["half"] = "wide"
+    path.write_text(json.dumps(record))
+    assert Doubt.of(surrogate, catalog, folder).calibrations == doubt.calibrations
+    assert json.loads(path.read_bytes())["values"] == json.loads(whole)["values"]
+
+
+def test_maps_rank_pixels_by_their_errors(doubt: Doubt, surrogate: Surrogate, catalog: Catalog) -> None:
+    ranks = []
+    for member in (m for m in catalog.members if m.split == "test"):
+        camera = member.cameras[3]
+        errors = error_map(doubt, member.parameters, camera)
+        assert errors.shape == (32, 32)
+        assert errors.min() >= 0.0
+        truth = composite(catalog.image(member, "dvr", 3), WHITE)
+        wrong = np.abs(composite(surrogate.at(member.parameters).render(camera), WHITE) - truth).mean(-1)
+        ranks.append(np.corrcoef(errors.ravel(), wrong.ravel())[0, 1])
+    assert np.mean(ranks) > 0.5
+
+
+def test_the_command_answers_in_words_json_and_a_picture(doubt: Doubt, folder: Path, tmp_path: Path) -> None:
+    def asked(*options: str) -> str:
+        result = CliRunner().invoke(main, ["ask", "sure", str(folder), *options])
+        assert result.exception is None or result.exit_code == 1, result.output
+        return result.output
+
+    camera = Run.open(folder).cameras[2]
+    expected = doubt.interval({"p": 0.3}, camera)
+    assert expected.sentence in asked("-p", "p=0.3", "--view", "2")
+    output = tmp_path / "map.png"
+    answer = asked("-p", "p=0.3", "--view", "2", "--json", "-o", str(output))
+    assert json.loads(answer[: answer.rindex("}") + 1]) == expected.to_json()
+    assert read_image(output).shape == (32, 32, 4)
+    assert "p takes NAME=VALUE" in asked("-p", "p")
+    assert "--view must be below" in asked("-p", "p=0.3", "--view", "99")
+
+
+def test_gaussians_doubt_by_their_difference_from_the_field(catalog: Catalog, tmp_path: Path) -> None:
+    surrogate = train(SETTINGS, catalog, tmp_path / "surrogate")
+    doubt = Doubt.of(surrogate, catalog)
+    assert {"view field", "view gaussians", "view both"} <= set(doubt.calibrations)
+    drawn = Doubt(surrogate.using("both"), doubt.calibrations, doubt.shares)
+    interval = drawn.interval({"p": 0.3}, catalog.members[0].cameras[0])
+    assert interval.source == "4 validation members"
+    assert interval.share == pytest.approx(0.8)  # four of five
+
+
+def test_without_a_field_nobody_answers(catalog: Catalog, surrogate: Surrogate) -> None:
+    with pytest.raises(ValueError, match="no emulated field"):
+        Doubt.of(replace(surrogate, field=None), catalog)
