@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import click
 
+from surrogate.answers.next_command import suggest
 from surrogate.answers.sure_command import sure
 
 
 @click.group()
 def ask() -> None:
-    """Ask the surrogate of a run: how sure it is."""
+    """Ask the surrogate of a run: how sure it is, and where next."""
 
 
-ask.add_command(sure)
+for command in (sure, suggest):
+    ask.add_command(command)

@@ -129,6 +129,15 @@ class Processes:
             errors[:, mine] = self.weights[:, mine] / np.diag(inverse)[:, None]
         return errors
 
+    def posterior_covariance(self, group: int, points: Array, others: Array) -> Array:
+        """The covariance (N, N) of a group's processes at others (N, P), over their variance, after values at points (M, P).
+
+        Rasmussen & Williams 2006, equation 2.24.
+        """
+        factor = _factor(self._covariance(group, points, points), self.noises[group])
+        explained = solve_triangular(factor, self._covariance(group, points, others), lower=True)  # [M, N]
+        return self._covariance(group, others, others) - explained.T @ explained
+
     def _covariance(self, group: int, points: Array, others: Array) -> Array:
         return _matern(_squares(points, others), self.lengths[group])[0]
 

@@ -51,19 +51,15 @@ class LeftOut:
         combined = np.zeros((folds.max() + 1, count, members))
         for fold, components in enumerate(combined):
             out, learnt = np.flatnonzero(folds == fold), np.flatnonzero(folds != fold)
-            own = Components.of(without(products, learnt))
-            fitted = Processes.fit(points[learnt], own.coefficients, processes)
-            means, spreads = fitted.predict(points[out])  # [O, J]
-            few = min(count, means.shape[1])
-            combinations = own.combinations[:, :few] - own.combinations[:, :few].mean(0)  # [L, K]
-            remainders[np.ix_(out, learnt)] -= 1.0 / len(learnt) + means[:, :few] @ combinations.T
-            components[:few, learnt] = combinations.T
-            deviations[out, :few] = spreads[:, :few]
+            remainders[out], combinations, spreads = predicted_by(learnt, out, points, products, processes, count)
+            few = len(combinations)
+            components[:few, learnt] = combinations
+            deviations[out, :few] = spreads
         return cls(remainders, folds, combined, deviations)
 
     def squared(self, products: Array) -> Array:
         """The sum of squared errors of each member, (M,)."""
-        return np.maximum(np.einsum("im,ml,il->i", self.remainders, products, self.remainders, optimize=True), 0.0)
+        return squared(self.remainders, products)
 
     def tails(self, products: Array, combinations: Array) -> Array:
         """The part (M, M) of the remainders that the components of `combinations` (M, K) can't express."""
@@ -119,6 +115,35 @@ class LeftOut:
         ordered = np.sort(ratios[:, :-1].reshape(-1, len(NUMBERS)), axis=0), np.sort(ratios[:, -1], axis=0)
         factors = np.maximum(ordered[0][rank * len(mean) - 1], ordered[1][rank - 1]) / NORMAL
         return {name: float(f) if f > 0.0 else 1.0 for name, f in zip(NUMBERS, factors, strict=True)}
+
+
+def predicted_by(
+    learnt: NDArray[np.int64],
+    out: NDArray[np.int64],
+    points: Array,
+    products: Array,
+    start: Processes | None = None,
+    count: int | None = None,
+) -> tuple[Array, Array, Array]:
+    """Some members `out` (O,) of M predicted by an emulator of the members `learnt` (L,), by at most `count` components.
+
+    Returns remainders (O, M), components (K, L) and standard deviations of their coefficients (O, K).  Without a `count` as many
+    components are taken as are `needed`; fits begin at the processes `start`.
+    """
+    own = Components.of(without(products, learnt))
+    fitted = Processes.fit(points[learnt], own.coefficients, start)
+    few = needed(own.coefficients, fitted.left_out()) if count is None else min(count, own.coefficients.shape[1])
+    means, spreads = fitted.predict(points[out])  # [O, J]
+    combinations = own.combinations[:, :few] - own.combinations[:, :few].mean(0)  # [L, K]
+    remainders = np.zeros((len(out), len(points)))
+    remainders[np.arange(len(out)), out] = 1.0
+    remainders[:, learnt] -= 1.0 / len(learnt) + means[:, :few] @ combinations.T
+    return remainders, combinations.T, spreads[:, :few]
+
+
+def squared(remainders: Array, products: Array) -> Array:
+    """The sums of squares (O,) of remainders (O, M)."""
+    return np.maximum(np.einsum("im,ml,il->i", remainders, products, remainders, optimize=True), 0.0)
 
 
 def residual_of(tails: Array, differences: NDArray[np.float32]) -> NDArray[np.float32]:
