@@ -164,7 +164,9 @@ def test_gradients_by_control_points_are_finite_differences(dtype: torch.dtype) 
 
 @pytest.mark.parametrize("background", [None, (1.0, 0.5, 0.0)])
 @pytest.mark.parametrize(
-    "changes", [{}, {"holes": growing}, {"appearance": shaded()}, {"sample_distances": {}}], ids=str
+    "changes",
+    [{}, {"holes": growing}, {"appearance": shaded()}, {"sample_distances": {}}],
+    ids=lambda changes: ", ".join(changes) or "nothing",
 )
 def test_the_picture_is_that_of_the_surrogate_bit_for_bit(changes: Any, background: Any) -> None:
     surrogate = alone(**changes)
