@@ -15,7 +15,9 @@ from catalogs.vocabulary.words import one_line
 
 SHARE = 0.9  # of unseen pictures that intervals are to hold
 FEWEST, FEWEST_FITTED = 4, 20  # members that calibrate at all, and that more than a constant is fitted to
-NEAREST = 4  # members that correct what is expected near them, by the median of their residuals
+CLEARLY = 0.3  # of the error at members left out, by which a trend over parameters must lower it
+PENALTY = 1.0  # on squared weights, as of one member at the bounds
+USUAL = 5.0  # dB, by which agreements differ: what a weight counts by
 TINY = 1e-12
 
 Array = NDArray[np.float64]
@@ -44,40 +46,30 @@ class Unseen:
 
 @dataclass(frozen=True)
 class Line:
-    """PSNR by agreement: `slope` x agreement + `constant`, plus what members near a point are off by, if any are given.
-
-    Attributes
-    ----------
-    points, residuals : of those members, P parameters and one number each.
-    """
+    """PSNR by agreement: `slope` x agreement + `constant`, plus a `trend` over the P normalized parameters, if there is one."""
 
     slope: float
     constant: float
-    points: tuple[tuple[float, ...], ...] = ()
-    residuals: tuple[float, ...] = ()
+    trend: tuple[float, ...] = ()
 
     @classmethod
-    def of(cls, unseen: Unseen, *, by_agreement: bool, nearby: bool) -> Line:
-        """Without `by_agreement` of slope 0, else fitted to the members' means where there are enough, or of slope 1."""
+    def of(cls, unseen: Unseen, *, trending: bool) -> Line:
+        """By the members' means: a ridge regression with a trend; a fitted slope without, or of few members slope 1."""
         agreements, truths = unseen.agreements.mean(1), unseen.truths.mean(1)  # [M]
-        slope = float(by_agreement)
-        if by_agreement and len(agreements) >= FEWEST_FITTED and agreements.std() > TINY:
+        if trending:
+            features = np.column_stack([agreements / USUAL, unseen.points, np.ones(len(truths))])  # [M, P + 2]
+            penalties = np.diag([*[PENALTY] * (features.shape[1] - 1), 0.0])
+            weights = np.linalg.solve(features.T @ features + penalties, features.T @ truths)
+            return cls(float(weights[0]) / USUAL, float(weights[-1]), tuple(weights[1:-1].tolist()))
+        slope = 1.0
+        if len(agreements) >= FEWEST_FITTED and agreements.std() > TINY:
             slope = float(np.polyfit(agreements, truths, 1)[0])
-        constant = float(np.median(unseen.truths - slope * unseen.agreements))
-        if not nearby:
-            return cls(slope, constant)
-        residuals = truths - slope * agreements - constant
-        return cls(slope, constant, tuple(map(tuple, unseen.points.tolist())), tuple(residuals.tolist()))
+        return cls(slope, float(np.median(unseen.truths - slope * unseen.agreements)))
 
     def expected(self, agreement: Any, point: Array) -> Any:
         """The PSNR, dB, to expect at a point (P,) where predictions agree as much (dB)."""
-        return self.slope * agreement + self.constant + self._correction(point)
-
-    def _correction(self, point: Array) -> float:
-        if not self.residuals:
-            return 0.0
-        distances = ((np.array(self.points) - point) ** 2).sum(1)  # [M]
-        return float(np.median(np.array(self.residuals)[distances.argsort(kind="stable")[:NEAREST]]))
+        trend = float(np.dot(self.trend, point)) if self.trend else 0.0
+        return self.slope * agreement + self.constant + trend
 
 
 @dataclass(frozen=True)
@@ -100,7 +92,7 @@ class Calibration:
     def of(cls, unseen: Unseen) -> Calibration | None:
         """None for fewer than `FEWEST` members.
 
-        Of `FEWEST_FITTED` members or more, those left out also decide whether agreement, members near by, or both are asked.
+        Of `FEWEST_FITTED` members or more, those left out also decide on a trend.
         Members, not pictures, are drawn independently, so the quantile is that of conformal prediction over members (Lei et al.
         2018, "Distribution-free predictive inference for regression", section 2.2), of residuals that a member's own pictures
         did not calibrate.  Of fewer than nine members it is the greatest, which holds for M of M + 1.
@@ -108,12 +100,14 @@ class Calibration:
         members, views = unseen.truths.shape
         if members < FEWEST:
             return None
-        forms = [(True, False)] if members < FEWEST_FITTED else [(True, False), (True, True), (False, True)]
-        tried = [(_residuals(unseen, *form), form) for form in forms]
-        residuals, (by_agreement, nearby) = min(tried, key=lambda one: float(one[0].mean()))
+        residuals, trending = _residuals(unseen, trending=False), False
+        if members >= FEWEST_FITTED:
+            others = _residuals(unseen, trending=True)
+            trending = bool(others.mean() < (1.0 - CLEARLY) * residuals.mean())
+            residuals = others if trending else residuals
         rank = min(math.ceil((members + 1) * SHARE - TINY), members)
         half = float(np.sort(residuals.ravel())[rank * views - 1])
-        line = Line.of(unseen, by_agreement=by_agreement, nearby=nearby)
+        line = Line.of(unseen, trending=trending)
         return cls(line, half, min(SHARE, members / (members + 1)), members, float(residuals.mean()))
 
     def to_json(self) -> dict[str, Any]:
@@ -126,18 +120,15 @@ class Calibration:
         values = {name: numbers.finite(record[name], name) for name in ("half", "share", "off")}
         line = record["line"]
         slopes = {name: numbers.finite(line[name], name) for name in ("slope", "constant")}
-        points = tuple(tuple(numbers.finite(v, "points") for v in point) for point in line["points"])
-        residuals = tuple(numbers.finite(v, "residuals") for v in line["residuals"])
-        if len(points) != len(residuals) or len({len(point) for point in points}) > 1:
-            raise ValueError(f"{len(points)} points of one length must have as many residuals, got {len(residuals)}")
+        trend = tuple(numbers.finite(v, "trend") for v in line["trend"])
         members = numbers.count(record["members"], "members")
-        return cls(Line(**slopes, points=points, residuals=residuals), **values, members=members)
+        return cls(Line(**slopes, trend=trend), **values, members=members)
 
 
-def _residuals(unseen: Unseen, by_agreement: bool, nearby: bool) -> Array:
+def _residuals(unseen: Unseen, *, trending: bool) -> Array:
     """Absolute errors (M, V) of expectations at each member's pictures, made without the member."""
     residuals = np.empty_like(unseen.truths)
     for member, point in enumerate(unseen.points):
-        line = Line.of(unseen.of(np.arange(len(residuals)) != member), by_agreement=by_agreement, nearby=nearby)
+        line = Line.of(unseen.of(np.arange(len(residuals)) != member), trending=trending)
         residuals[member] = np.abs(unseen.truths[member] - line.expected(unseen.agreements[member], point))
     return residuals
