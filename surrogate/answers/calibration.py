@@ -15,7 +15,8 @@ from catalogs.vocabulary.words import one_line
 
 SHARE = 0.9  # of unseen pictures that intervals are to hold
 FEWEST, FEWEST_FITTED = 4, 20  # members that calibrate at all, and that more than a constant is fitted to
-CLEARLY = 0.3  # of the error at members left out, by which a trend over parameters must lower it
+AGREEMENT, CONSTANT, TREND = "agreement", "constant", "trend"  # what is expected by
+CLEARLY = 0.3  # of the error at members left out, by which others than agreement alone must lower it
 PENALTY = 1.0  # on squared weights, as of one member at the bounds
 USUAL = 5.0  # dB, by which agreements differ: what a weight counts by
 TINY = 1e-12
@@ -53,16 +54,16 @@ class Line:
     trend: tuple[float, ...] = ()
 
     @classmethod
-    def of(cls, unseen: Unseen, *, trending: bool) -> Line:
-        """By the members' means: a ridge regression with a trend; a fitted slope without, or of few members slope 1."""
+    def of(cls, unseen: Unseen, form: str) -> Line:
+        """By the members' means: a ridge regression with a trend; a fitted slope without, of few members slope 1, or 0."""
         agreements, truths = unseen.agreements.mean(1), unseen.truths.mean(1)  # [M]
-        if trending:
+        if form == TREND:
             features = np.column_stack([agreements / USUAL, unseen.points, np.ones(len(truths))])  # [M, P + 2]
             penalties = np.diag([*[PENALTY] * (features.shape[1] - 1), 0.0])
             weights = np.linalg.solve(features.T @ features + penalties, features.T @ truths)
             return cls(float(weights[0]) / USUAL, float(weights[-1]), tuple(weights[1:-1].tolist()))
-        slope = 1.0
-        if len(agreements) >= FEWEST_FITTED and agreements.std() > TINY:
+        slope = float(form == AGREEMENT)
+        if slope and len(agreements) >= FEWEST_FITTED and agreements.std() > TINY:
             slope = float(np.polyfit(agreements, truths, 1)[0])
         return cls(slope, float(np.median(unseen.truths - slope * unseen.agreements)))
 
@@ -92,7 +93,7 @@ class Calibration:
     def of(cls, unseen: Unseen) -> Calibration | None:
         """None for fewer than `FEWEST` members.
 
-        Of `FEWEST_FITTED` members or more, those left out also decide on a trend.
+        Those left out decide whether agreement says nothing and, of `FEWEST_FITTED` members or more, whether there is a trend.
         Members, not pictures, are drawn independently, so the quantile is that of conformal prediction over members (Lei et al.
         2018, "Distribution-free predictive inference for regression", section 2.2), of residuals that a member's own pictures
         did not calibrate.  Of fewer than nine members it is the greatest, which holds for M of M + 1.
@@ -100,15 +101,13 @@ class Calibration:
         members, views = unseen.truths.shape
         if members < FEWEST:
             return None
-        residuals, trending = _residuals(unseen, trending=False), False
-        if members >= FEWEST_FITTED:
-            others = _residuals(unseen, trending=True)
-            trending = bool(others.mean() < (1.0 - CLEARLY) * residuals.mean())
-            residuals = others if trending else residuals
+        forms = (AGREEMENT, CONSTANT, TREND) if members >= FEWEST_FITTED else (AGREEMENT, CONSTANT)
+        residuals = {form: _residuals(unseen, form) for form in forms}
+        best = min(forms, key=lambda form: residuals[form].mean() / (1.0 if form == AGREEMENT else 1.0 - CLEARLY))
         rank = min(math.ceil((members + 1) * SHARE - TINY), members)
-        half = float(np.sort(residuals.ravel())[rank * views - 1])
-        line = Line.of(unseen, trending=trending)
-        return cls(line, half, min(SHARE, members / (members + 1)), members, float(residuals.mean()))
+        half = float(np.sort(residuals[best].ravel())[rank * views - 1])
+        promised = min(SHARE, members / (members + 1))
+        return cls(Line.of(unseen, best), half, promised, members, float(residuals[best].mean()))
 
     def to_json(self) -> dict[str, Any]:
         """JSON values, by attribute."""
@@ -125,10 +124,10 @@ class Calibration:
         return cls(Line(**slopes, trend=trend), **values, members=members)
 
 
-def _residuals(unseen: Unseen, *, trending: bool) -> Array:
+def _residuals(unseen: Unseen, form: str) -> Array:
     """Absolute errors (M, V) of expectations at each member's pictures, made without the member."""
     residuals = np.empty_like(unseen.truths)
     for member, point in enumerate(unseen.points):
-        line = Line.of(unseen.of(np.arange(len(residuals)) != member), trending=trending)
+        line = Line.of(unseen.of(np.arange(len(residuals)) != member), form)
         residuals[member] = np.abs(unseen.truths[member] - line.expected(unseen.agreements[member], point))
     return residuals

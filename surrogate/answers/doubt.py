@@ -21,7 +21,7 @@ from catalogs.vocabulary.cameras import Camera
 from surrogate.answers import unseen
 from surrogate.answers.calibration import Calibration
 from surrogate.answers.committee import Committee, Opinions
-from surrogate.evaluation.metrics import WHITE, composite, decibels, psnr
+from surrogate.evaluation.metrics import MOST_DECIBELS, WHITE, composite, decibels, psnr
 from surrogate.evaluation.novelty import SeenValues
 from surrogate.evaluation.scoring import Report
 from surrogate.model import Surrogate
@@ -135,11 +135,11 @@ class Doubt:
         if calibration is None:
             return Interval(words, why="too few members calibrate it: nobody can say how far off the picture is")
         agreement, point = self._agreement(parameters, camera, function, used), self._point(parameters, function)
-        expected = calibration.line.expected(agreement, point.simulation)
+        expected = min(float(calibration.line.expected(agreement, point.simulation)), MOST_DECIBELS)
         source = f"{calibration.members} {'left-out' if used == FIELD else 'validation'} members"
         if used != using:
             source += f", of the {WORDS[FIELD]} alone"
-        low, high = expected - calibration.half, expected + calibration.half
+        low, high = expected - calibration.half, min(expected + calibration.half, MOST_DECIBELS)
         return Interval(words, expected, max(low, 0.0), high, calibration.share, source)
 
     def place(self, parameters: Mapping[str, Any], function: TransferFunction | None = None) -> tuple[str, str]:

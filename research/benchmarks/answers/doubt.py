@@ -32,6 +32,7 @@ from surrogate.explore.setting import Setting
 from surrogate.splatting.threads import one_torch_thread
 
 FRACTIONS = np.linspace(0.0, 0.95, 20)  # of pixels that are taken away
+FEWEST, SAME = 4, 0.2  # members and dB, of which a rank says something
 HEADER = [
     "run",
     "shown",
@@ -93,7 +94,7 @@ def pictures_of(run: Run, views: int) -> dict[str, list[TestPicture]]:
                     case.member.name,
                     psnr(truth, displayed),
                     np.nan if interval.psnr is None else interval.psnr,
-                    np.nan if interval.psnr is None or interval.high is None else interval.high - interval.psnr,
+                    np.nan if interval.psnr is None or interval.low is None else interval.psnr - interval.low,
                     interval.share or np.nan,
                     *_lookup(expectation, setting, run),
                     sparsification(errors[mask], wrong[mask]),
@@ -142,7 +143,10 @@ def row_of(run: str, kind: str, found: Sequence[TestPicture]) -> list[str]:
 
     def rank(name: str) -> str:
         both = np.isfinite(means[name])
-        return f"{spearmanr(means['truth'][both], means[name][both])[0]:.2f}" if both.sum() > 3 else ""
+        first, second = means["truth"][both], means[name][both]
+        if len(first) < FEWEST or min(first.std(), second.std()) < SAME:
+            return "-"
+        return f"{spearmanr(first, second)[0]:.2f}"
 
     asking, mapping = np.median([one.milliseconds for one in found], axis=0)
     sparse, slopes = np.nanmean([(one.sparse, one.gradient) for one in found], axis=0)
@@ -152,8 +156,8 @@ def row_of(run: str, kind: str, found: Sequence[TestPicture]) -> list[str]:
         str(len(members)),
         f"{values['truth'].mean():.1f} ± {means['truth'].std():.1f}",
         f"{rank('expected')} ({rank('lookup')})",
-        f"{np.nanmean(off):.2f} ({np.nanmean(lookup):.2f})",
-        f"{np.nanmean(values['half']):.1f} ({np.nanmean(values['said']):.1f})",
+        f"{_mean(off)} ({_mean(lookup)})",
+        f"{_mean(values['half'])} ({_mean(values['said'])})",
         f"{np.nanmean([one.share for one in found]):.0%}",
         f"{_within(off, values['half'])} ({_within(lookup, values['said'])})",
         f"{sparse:.2f} ({slopes:.2f})",
@@ -161,9 +165,14 @@ def row_of(run: str, kind: str, found: Sequence[TestPicture]) -> list[str]:
     ]
 
 
+def _mean(values: NDArray[np.float64]) -> str:
+    known = values[np.isfinite(values)]
+    return f"{known.mean():.2f}" if len(known) else "-"
+
+
 def _within(off: NDArray[np.float64], half: NDArray[np.float64]) -> str:
     said = np.isfinite(off) & np.isfinite(half)
-    return f"{(off[said] <= half[said]).mean():.0%}" if said.any() else "nothing said"
+    return f"{(off[said] <= half[said]).mean():.0%}" if said.any() else "-"
 
 
 @one_torch_thread()

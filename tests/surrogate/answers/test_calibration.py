@@ -42,6 +42,13 @@ def test_a_trend_over_parameters_counts_where_agreement_says_nothing() -> None:
     assert expected == pytest.approx(14.4, abs=2.0)
 
 
+def test_agreement_that_says_nothing_widens_no_interval() -> None:
+    unseen = drawn(8, 0)
+    calibration = Calibration.of(Unseen(unseen.points, unseen.agreements, 40.0 + 0.01 * unseen.agreements))
+    assert calibration is not None
+    assert (calibration.line.slope, calibration.half) == (0.0, pytest.approx(0.0, abs=0.3))
+
+
 def test_too_few_members_promise_nothing() -> None:
     assert Calibration.of(drawn(3, 0)) is None
 

@@ -116,6 +116,18 @@ def test_words_tell_runs_from_what_lies_between_and_outside(doubt: Doubt, catalo
     assert "p" in outside.why
 
 
+def test_other_functions_are_doubted_and_new_ones_get_no_number(doubt: Doubt, catalog: Catalog) -> None:
+    camera = catalog.members[0].cameras[0]
+    points = [(value, 0.5 * opacity) for value, opacity in FUNCTION.opacity_points]
+    fainter = replace(FUNCTION, opacity_points=tuple(points))
+    under = doubt.interval({"p": 0.3}, camera, fainter)
+    assert under.psnr is not None
+    assert under.psnr > (doubt.interval({"p": 0.3}, camera).psnr or 0.0)  # of less that is seen, less can be wrong
+    ends = [FUNCTION.opacity_points[0][0], FUNCTION.opacity_points[-1][0]]
+    everything = replace(FUNCTION, opacity_points=tuple((value, 0.9) for value in ends))
+    assert doubt.interval({"p": 0.3}, camera, everything).words == NEVER
+
+
 def test_a_record_is_used_again_and_a_damaged_one_is_not(
     doubt: Doubt, folder: Path, surrogate: Surrogate, catalog: Catalog, monkeypatch: pytest.MonkeyPatch
 ) -> None:
