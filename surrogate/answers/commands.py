@@ -6,12 +6,13 @@ import click
 
 from surrogate.answers.next_command import suggest
 from surrogate.answers.sure_command import sure
+from surrogate.answers.which_command import which
 
 
 @click.group()
 def ask() -> None:
-    """Ask the surrogate of a run: how sure it is, and where next."""
+    """Ask the surrogate of a run: how sure it is, which parameters draw a picture, and where next."""
 
 
-for command in (sure, suggest):
+for command in (sure, which, suggest):
     ask.add_command(command)

@@ -1,0 +1,113 @@
+"""Pictures whose parameters are asked for."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+
+from catalogs.files.images import read_image
+from catalogs.store.catalog import Catalog
+from catalogs.vocabulary.cameras import Camera
+from catalogs.vocabulary.words import one_line
+from surrogate.evaluation.metrics import WHITE, composite
+
+FLAT = 2.0 / 255.0  # the contrast below which a picture shows nothing
+
+
+@dataclass(frozen=True, eq=False)
+class Target:
+    """A picture as displayed, where its camera stood, and the pixels that count.
+
+    Attributes
+    ----------
+    picture : (H, W, 3) float32 in [0, 1].
+    camera : of the same size.
+    mask : (H, W), True where a pixel counts; None for all.
+    """
+
+    picture: NDArray[np.float32]
+    camera: Camera
+    mask: NDArray[np.bool_] | None = None
+
+    __repr__ = one_line
+
+    def __post_init__(self) -> None:
+        size = (self.camera.height, self.camera.width)
+        if self.picture.shape != (*size, 3):
+            raise ValueError(f"a picture must be (H, W, 3) = {(*size, 3)} as its camera, got {self.picture.shape}")
+        if not np.isfinite(self.picture).all():
+            raise ValueError("a picture must have finite values")
+        if self.mask is not None and (self.mask.shape != size or not self.mask.any()):
+            raise ValueError(f"a mask must be {size} and mark a pixel, got {self.mask.shape}")
+        shown = self.picture if self.mask is None else self.picture[self.mask]
+        if float(np.ptp(shown.reshape(-1, 3), axis=0).max()) < FLAT:
+            raise ValueError("the picture shows one colour alone: no parameters can be read from it")
+
+    def resized(self, side: int) -> Target:
+        """The same with at most `side` pixels along its longer side, by averaging."""
+        longest = max(self.camera.width, self.camera.height)
+        if longest <= side:
+            return self
+        width, height = (max(1, round(n * side / longest)) for n in (self.camera.width, self.camera.height))
+        channels = [_averaged(self.picture[..., c], width, height) for c in range(3)]
+        mask = None
+        if self.mask is not None:
+            shares = _averaged(self.mask.astype(np.float32), width, height)
+            mask = shares >= min(0.5, float(shares.max()))
+        return Target(np.stack(channels, axis=-1), self.camera.resized(width, height), mask)
+
+    def region(self, box: tuple[int, int, int, int]) -> Target:
+        """The same where only pixels from (x0, y0) to before (x1, y1) count."""
+        x0, y0, x1, y1 = box
+        if not (0 <= x0 < x1 <= self.camera.width and 0 <= y0 < y1 <= self.camera.height):
+            raise ValueError(f"a region x0,y0,x1,y1 must lie in {self.camera.width} x {self.camera.height}, got {box}")
+        mask = np.zeros((self.camera.height, self.camera.width), bool)
+        mask[y0:y1, x0:x1] = True
+        return replace(self, mask=mask)
+
+
+def stored_target(catalog: Catalog, member: str, view: int, appearance: str | None = None) -> Target:
+    """A picture of the catalog, by default in the base appearance; raises ValueError for a view it has not."""
+    own = catalog.member(member)
+    if not 0 <= view < len(own.cameras):
+        raise ValueError(f"{member} has views 0 to {len(own.cameras) - 1}, got {view}")
+    image = catalog.image(own, appearance or catalog.appearance_names[0], view)
+    return Target(composite(image, catalog.plan.background or WHITE), own.cameras[view])
+
+
+def target_of(catalog: Catalog, text: str, view: int | None = None) -> Target:
+    """The picture that `text` names: MEMBER:VIEW of the catalog, or a file, which takes the number of a stored `view`.
+
+    Raises ValueError for other text, or a file without a view.
+    """
+    path = Path(text)
+    if not path.is_file():
+        member, colon, number = text.rpartition(":")
+        if not (colon and number.isdigit() and member in catalog):
+            raise ValueError(f"{text} is neither a file nor MEMBER:VIEW of {catalog.path}")
+        return stored_target(catalog, member, int(number))
+    cameras = catalog.plan.cameras or catalog.members[0].cameras
+    if view is None or not 0 <= view < len(cameras):
+        raise ValueError(f"{text} does not say where its camera stood: --camera VIEW takes 0 to {len(cameras) - 1}")
+    picture = composite(read_image(path), catalog.plan.background or WHITE)
+    height, width = picture.shape[:2]
+    camera = cameras[view]
+    if width * camera.height != height * camera.width:
+        raise ValueError(
+            f"{text} is {width} x {height}, of another shape than view {view}, {camera.width} x {camera.height}"
+        )
+    return Target(picture, camera.resized(width, height))
+
+
+def smallest(targets: Sequence[Target], side: int) -> list[Target]:
+    """All of them at most `side` pixels long."""
+    return [target.resized(side) for target in targets]
+
+
+def _averaged(values: NDArray[np.float32], width: int, height: int) -> NDArray[np.float32]:
+    return np.asarray(Image.fromarray(values).resize((width, height), Image.Resampling.BOX), dtype=np.float32)

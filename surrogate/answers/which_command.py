@@ -1,0 +1,49 @@
+"""`surrogate ask which`."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import click
+
+from catalogs.commands import one_line_errors
+from surrogate.command_line import RUNS, SCENE, OpenRun, load_surrogate
+
+
+@click.command("which")
+@SCENE
+@click.argument("pictures", metavar="PICTURE...", nargs=-1, required=True)
+@RUNS
+@click.option("--camera", type=click.IntRange(min=0), metavar="VIEW", help="Stored camera of files.")
+@click.option("--region", metavar="X0,Y0,X1,Y1", help="Only these pixels count.")
+@click.option("--json", "as_json", is_flag=True, help="Print JSON.")
+def which(
+    scene: Path, pictures: tuple[str, ...], runs: Path, camera: int | None, region: str | None, *, as_json: bool
+) -> None:
+    """Say which parameters draw the PICTUREs, with 90 % intervals.
+
+    A PICTURE is MEMBER:VIEW of the catalog, or an image file. The first question of a run takes longer: validation members
+    calibrate the intervals.
+    """
+    opened = OpenRun.open(scene, runs)
+    surrogate, catalog = load_surrogate(opened.model), opened.catalog
+    from surrogate.answers.posterior import invert
+    from surrogate.answers.targets import target_of
+
+    with one_line_errors():
+        targets = [target_of(catalog, picture, camera) for picture in pictures]
+        if region is not None:
+            box = region_of(region)
+            targets = [target.region(box) for target in targets]
+        found = invert(surrogate, targets, catalog, opened.folder)
+    click.echo(json.dumps(found.to_json(), indent=1) if as_json else "\n".join(found.sentences))
+
+
+def region_of(text: str) -> tuple[int, int, int, int]:
+    """Four whole numbers of "X0,Y0,X1,Y1"; raises ValueError for another text."""
+    try:
+        x0, y0, x1, y1 = map(int, text.split(","))
+    except ValueError:
+        raise ValueError(f"--region takes X0,Y0,X1,Y1 in pixels, got {text!r}") from None
+    return x0, y0, x1, y1
