@@ -1,1 +1,1 @@
-"""Answers of a surrogate to questions: how sure it is of a picture, and which runs to simulate next."""
+"""Answers of a surrogate to questions: how sure it is of a picture, which parameters draw one, and which runs to simulate next."""

@@ -51,8 +51,8 @@ def residuals_of(surrogate: Surrogate, targets: Sequence[Target], background: Se
         rows, each = space.denormalize(points), []
         for target in targets:
             pictures = surrogate.render(rows, target.camera, outside="allow")
-            shown = np.stack([composite(picture, behind) for picture in pictures]) - target.picture
-            each.append((shown if target.mask is None else shown[:, target.mask]).reshape(len(points), -1))
+            differences = np.stack([composite(picture, behind) for picture in pictures]) - target.picture
+            each.append((differences if target.mask is None else differences[:, target.mask]).reshape(len(points), -1))
         return np.concatenate(each, axis=1).astype(np.float64)
 
     return residuals

@@ -1,8 +1,8 @@
 """Which parameters draw a picture: a posterior whose likelihood holds the surrogate's own error.
 
-The error of a picture is the surrogate's, the same in neighbouring pixels, so that pixels can't be counted as independent.  The
-likelihood of a point is exp(-c / (2 t)) with c the mean square of residuals, and one factor t for a number of pictures, such
-that intervals hold the parameters of validation members.
+The error of a picture is the surrogate's, alike in neighbouring pixels, so pixels can't be counted as independent.  With c the
+mean square of residuals the likelihood is exp(-c / (2 t)).  There is one factor t for each number of pictures: with it the
+intervals hold the parameters of validation members.
 """
 
 from __future__ import annotations
@@ -189,12 +189,12 @@ def distinct(fits: Sequence[Fit], factor: float) -> list[Fit]:
     from scipy.stats import chi2
 
     most = chi2.ppf(SHARE, len(fits[0].point))
-    kept: list[Fit] = []
+    solutions: list[Fit] = []
     for fit in fits:
-        apart = [(fit.point - one.point) @ one.curvature @ (fit.point - one.point) / factor for one in kept]
+        apart = [(fit.point - one.point) @ one.curvature @ (fit.point - one.point) / factor for one in solutions]
         if (fit.cost - fits[0].cost) / factor < most and all(distance > most for distance in apart):
-            kept.append(fit)
-    return kept
+            solutions.append(fit)
+    return solutions
 
 
 def normal_samples(fit: Fit, factor: float, seed: int = 0) -> Array:
@@ -208,8 +208,8 @@ def normal_samples(fit: Fit, factor: float, seed: int = 0) -> Array:
             pull = (samples[:, others] - fit.point[others]) @ precision[j, others] / precision[j, j]
             mean, deviation = fit.point[j] - pull, min(1.0 / math.sqrt(precision[j, j]), 100.0)
             bounds = (-1.0 - mean) / deviation, (1.0 - mean) / deviation
-            drawn = truncnorm.rvs(*bounds, loc=mean, scale=deviation, size=SAMPLES, random_state=random)
-            samples[:, j] = np.clip(drawn, -1.0, 1.0)
+            values = truncnorm.rvs(*bounds, loc=mean, scale=deviation, size=SAMPLES, random_state=random)
+            samples[:, j] = np.clip(values, -1.0, 1.0)
     return samples
 
 

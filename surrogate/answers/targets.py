@@ -44,8 +44,8 @@ class Target:
             raise ValueError("a picture must have finite values")
         if self.mask is not None and (self.mask.shape != size or not self.mask.any()):
             raise ValueError(f"a mask must be {size} and mark a pixel, got {self.mask.shape}")
-        shown = self.picture if self.mask is None else self.picture[self.mask]
-        if float(np.ptp(shown.reshape(-1, 3), axis=0).max()) < FLAT:
+        pixels = self.picture if self.mask is None else self.picture[self.mask]
+        if float(np.ptp(pixels.reshape(-1, 3), axis=0).max()) < FLAT:
             raise ValueError("the picture shows one colour alone: no parameters can be read from it")
 
     def resized(self, side: int) -> Target:

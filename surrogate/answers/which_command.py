@@ -36,8 +36,8 @@ def which(
         if region is not None:
             box = region_of(region)
             targets = [target.region(box) for target in targets]
-        found = invert(surrogate, targets, catalog, opened.folder)
-    click.echo(json.dumps(found.to_json(), indent=1) if as_json else "\n".join(found.sentences))
+        answer = invert(surrogate, targets, catalog, opened.folder)
+    click.echo(json.dumps(answer.to_json(), indent=1) if as_json else "\n".join(answer.sentences))
 
 
 def region_of(text: str) -> tuple[int, int, int, int]:

@@ -1,0 +1,146 @@
+"""Parameters are read back from pictures, with intervals that say what pictures do not show."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+import insitu
+from catalogs.store.catalog import Catalog
+from catalogs.vocabulary.appearance import VolumeRendering
+from catalogs.vocabulary.cameras import Camera
+from catalogs.vocabulary.parameters import Parameter, ParameterSpace
+from catalogs.vocabulary.scene import ViewPlan
+from surrogate.answers.inverse import Fit, derivative, fitted
+from surrogate.answers.posterior import distinct, invert, normal_samples, weighted_interval
+from surrogate.answers.targets import Target, stored_target
+from surrogate.cli import main
+from surrogate.model import Surrogate
+from surrogate.settings import TrainingSettings
+from surrogate.storage.checkpoints import fingerprint
+from surrogate.storage.runs import RunRecord
+from surrogate.training.run import train
+from tests.support.hooked import FUNCTION, blob
+
+SETTINGS = TrainingSettings(
+    gaussians=60, canonical_steps=2, deformation_steps=4, visualization_steps=4, fit_to_need=False
+)
+SIDE = 12
+TRUE = 0.42
+
+
+def shown(p: float) -> Any:
+    """A field that p moves and q does not."""
+    wave = np.sin(np.linspace(0.0, 6.0, SIDE) + 3.0 * p)
+    return (blob(size=SIDE) * (0.7 + 0.3 * wave)).astype(np.float32)
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("run")
+    space = ParameterSpace((Parameter("p", 0.0, 1.0), Parameter("q", 1.0, 100.0, scale="log")))
+    views = ViewPlan(frequency=1, width=32, height=32)
+    random = np.random.default_rng(0)
+    splits = {"train": np.linspace(0.0, 1.0, 12), "validation": [0.11, 0.34, 0.57, 0.81], "test": [TRUE]}
+    with insitu.Session(
+        folder / "catalog.cdb", space=space, appearances=[VolumeRendering("dvr", FUNCTION)], views=views
+    ) as session:
+        for split, values in splits.items():
+            for p in values:
+                parameters = {"p": float(p), "q": float(10.0 ** random.uniform(0.0, 2.0))}
+                session.render_member(shown(p), parameters, spacing=(1.1 / (SIDE - 1),) * 3, split=split)
+    catalog = Catalog.open(folder / "catalog.cdb")
+    train(SETTINGS, catalog, folder / "surrogate", only_field=True)
+    RunRecord("catalog.cdb", SETTINGS.to_json(), catalog.splits, fingerprint(SETTINGS, catalog)).save(folder)
+    return folder
+
+
+def _tested(catalog: Catalog) -> str:
+    return next(member.name for member in catalog.members if member.split == "test")
+
+
+@pytest.mark.parametrize("pictures", [1, 2])
+def test_a_parameter_comes_back_and_one_without_effect_is_named(folder: Path, pictures: int) -> None:
+    catalog, surrogate = Catalog.open(folder / "catalog.cdb"), Surrogate.load(folder / "surrogate")
+    targets = [stored_target(catalog, _tested(catalog), view) for view in range(pictures)]
+    answer = invert(surrogate, targets, catalog, folder)
+    p, q = answer.parameters
+    assert abs(p.value - TRUE) < 0.03
+    assert p.low <= p.value <= p.high
+    assert p.identified
+    assert not q.identified
+    assert "q" in repr(answer)
+    assert "not shown" in q.sentence
+    assert not answer.foreign
+    assert (folder / "answers" / f"inverse-{pictures}.json").is_file()
+    assert json.loads(json.dumps(answer.to_json()))["parameters"][1]["identified"] is False
+    assert invert(surrogate, targets, catalog, folder) == answer
+
+
+def test_the_command_answers_and_flags_another_picture(folder: Path) -> None:
+    catalog = Catalog.open(folder / "catalog.cdb")
+    name = _tested(catalog)
+    done = CliRunner().invoke(main, ["ask", "which", str(folder), f"{name}:0", "--region", "4,4,28,28", "--json"])
+    assert done.exit_code == 0, done.output
+    assert abs(json.loads(done.output)["parameters"][0]["value"] - TRUE) < 0.05
+    own = stored_target(catalog, name, 0)
+    answer = invert(Surrogate.load(folder / "surrogate"), [Target(1.0 - own.picture, own.camera)], catalog, folder)
+    assert answer.foreign
+    assert answer.sentences[0].startswith("No parameters draw such a picture")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "error"),
+    [
+        (["nothing"], "neither a file nor MEMBER:VIEW"),
+        (["{name}:999"], "has views 0 to"),
+        (["{name}:0", "--region", "1,2,3"], "--region takes X0,Y0,X1,Y1"),
+        (["{name}:0", "--region", "9,9,4,4"], "must lie in 32 x 32"),
+        (["{file}"], "does not say where its camera stood"),
+    ],
+)
+def test_bad_input_is_refused(folder: Path, arguments: list[str], error: str) -> None:
+    catalog = Catalog.open(folder / "catalog.cdb")
+    name = _tested(catalog)
+    names = {"name": name, "file": str(folder / "run.json")}
+    done = CliRunner().invoke(main, ["ask", "which", str(folder), *(text.format(**names) for text in arguments)])
+    assert done.exit_code == 1
+    assert error in done.output
+
+
+def test_a_blank_picture_is_refused() -> None:
+    camera = Camera.look_at((3, 0, 0), (0, 0, 0), vertical_fov_degrees=30, width=4, height=4)
+    with pytest.raises(ValueError, match="one colour alone"):
+        Target(np.ones((4, 4, 3), np.float32), camera)
+
+
+def test_levenberg_marquardt_finds_a_minimum_inside_and_at_a_bound() -> None:
+    matrix = np.random.default_rng(0).normal(size=(30, 3))
+    for truth in ([0.3, -0.5, 0.1], [0.3, -0.5, 1.0]):
+        fit = fitted(lambda points, truth=truth: np.sinh(points - truth) @ matrix.T, np.zeros(3))
+        assert np.allclose(fit.point, truth, atol=1e-2)
+        slopes = derivative(lambda points, truth=truth: np.sinh(points - truth) @ matrix.T, np.array(truth))
+        assert np.allclose(slopes, matrix, rtol=1e-2, atol=1e-3)
+
+
+def test_samples_follow_a_normal_distribution_cut_to_the_box() -> None:
+    curvature = np.array([[100.0, 40.0, 0.0], [40.0, 50.0, 0.0], [0.0, 0.0, 1e-9]])
+    samples = normal_samples(Fit(np.array([0.1, -0.2, 0.0]), 0.0, curvature), 1.0)
+    assert np.allclose(np.cov(samples[:, :2].T), np.linalg.inv(curvature[:2, :2]), rtol=0.3)
+    low, high = weighted_interval(samples[:, 2], np.full(len(samples), 1.0 / len(samples)))
+    assert low == pytest.approx(-0.9, abs=0.06)
+    assert high == pytest.approx(0.9, abs=0.06)
+
+
+def test_solutions_are_distinct_where_neither_holds_the_other() -> None:
+    curvature = 1e4 * np.eye(2)
+    fits = [
+        Fit(np.array(p), c, curvature)
+        for p, c in (([0, 0], 0.0), ([0.001, 0], 0.1), ([0.5, 0], 0.2), ([-0.5, 0], 90.0))
+    ]
+    assert [fit.cost for fit in distinct(fits, 1.0)] == [0.0, 0.2]
