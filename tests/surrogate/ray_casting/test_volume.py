@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -32,7 +33,9 @@ def drawn(case: CastCase, threads: int = 1) -> np.ndarray:
     return caster.draw(case.camera, threads=threads)
 
 
-def defined(case: CastCase) -> np.ndarray:
+@cache
+def defined(name: str) -> np.ndarray:
+    case = CASES[name]
     return draw_volume_reference(case.field, case.appearance, case.camera, sample_distance=case.sample_distance).numpy()
 
 
@@ -44,7 +47,7 @@ def grid_of(field: SampledField) -> Grid:
 @pytest.mark.parametrize("name", CASES)
 def test_the_kernel_draws_what_the_reference_defines(name: str, instruction_set: str, monkeypatch: Any) -> None:
     monkeypatch.setenv("GS_SURROGATE_INSTRUCTION_SET", instruction_set)
-    found, expected = drawn(CASES[name]), defined(CASES[name])
+    found, expected = drawn(CASES[name]), defined(name)
     assert found.dtype == np.float32
     assert found.shape == expected.shape
     errors = np.abs(found - expected).max(axis=2)
@@ -64,7 +67,7 @@ def test_images_are_those_of_vtk(name: str) -> None:
 def test_the_reference_is_the_ray_marcher_of_render(name: str) -> None:
     case = CASES[name]
     expected = march(grid_of(case.field), case.appearance, case.camera, case.sample_distance)
-    assert np.percentile(np.abs(defined(case) - expected), 99) < 2e-4  # where the marcher goes on behind what is opaque
+    assert np.percentile(np.abs(defined(name) - expected), 99) < 2e-4  # where the marcher goes on behind what is opaque
 
 
 @pytest.mark.parametrize("name", ["mostly empty", "holes, shaded", "a wide image"])
