@@ -117,9 +117,10 @@ lint: $(SETUP)
 
 # A process a core and one more, since some tests wait; each with one thread, and with bytecode kept for the commands that tests
 # start.  The tests of a file stay together, for they share what they trained or rendered; files that take long come first
-# (tests/conftest.py).
+# (tests/conftest.py).  Their folders are in memory where that has room: the tests write 100,000 files.
 PROCESSES := $(shell cores=$$(nproc 2>/dev/null || echo 1); [ $$cores -lt 4 ] && echo $$((cores + 1)) || echo 4)
-PYTEST    := OMP_NUM_THREADS=1 PYTHONDONTWRITEBYTECODE= $(BIN)/python -m pytest -n $(PROCESSES) --dist loadfile --no-loadscope-reorder
+FOLDERS   := $(shell test "$$(df --output=avail /dev/shm 2>/dev/null | tail -n 1)" -gt 8000000 2>/dev/null && echo TMPDIR=/dev/shm)
+PYTEST    := $(FOLDERS) OMP_NUM_THREADS=1 PYTHONDONTWRITEBYTECODE= $(BIN)/python -m pytest -n $(PROCESSES) --dist loadfile --no-loadscope-reorder
 
 test-fast: $(SETUP)
 	$(PYTEST) --ignore tests/research

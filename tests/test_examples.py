@@ -24,6 +24,7 @@ def example_named(name: str) -> Any:
     return example
 
 
+@pytest.mark.slow
 def test_gray_scott(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     example = example_named("gray_scott")
     patterns = {time: v.copy() for time, v in example.gray_scott(0.03, 0.056, (0, 40), 16)}
@@ -37,6 +38,7 @@ def test_gray_scott(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     assert {member.parameters["time"] for member in made.members} >= {500.0, 1530.0}
 
 
+@pytest.mark.slow
 def test_stirred_dye(tmp_path: Path) -> None:
     example = example_named("stirred_dye")
     still, moved = (dict(example.stirred(strength, (0.3, 0.9), 16)) for strength in (0.0, 2.0))

@@ -76,6 +76,7 @@ def limits(along: tuple[np.ndarray, ...]) -> tuple[list[float], list[float]]:
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("undrawn")
 @pytest.mark.parametrize("form", WRITERS)
 def test_from_files_to_a_report(form: str, tmp_path: Path) -> None:
     scene, path, training = tmp_path / "scene.toml", tmp_path / "a.cdb", tmp_path / "run"

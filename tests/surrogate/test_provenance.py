@@ -51,6 +51,7 @@ def test_a_module_that_moved_has_the_code_that_it_had(sources: Path) -> None:
     assert code.__wrapped__() == before
 
 
+@pytest.mark.slow
 def test_modules_beside_the_product_decide_where_they_are_named() -> None:
     found = provenance._statements("tests.support.clouds")
     assert {"tests.support.clouds", "surrogate.training.run"} <= set(found)

@@ -6,6 +6,7 @@ import os
 import shutil
 import sys
 import threading
+import time
 from collections.abc import Callable
 from pathlib import Path
 
@@ -18,6 +19,8 @@ from catalogs.store.table import JOURNAL, SPARE, CatalogTable
 from catalogs.tools.check import check
 from tests.catalogs.conftest import add_member, make_plan, picture
 from tests.support.damage import memory_at_most
+
+TICK = 0.01  # seconds: of the clock of stamps, within which file systems in memory show no change
 
 
 def named(path: Path) -> list[str]:
@@ -156,6 +159,7 @@ MEDDLING: dict[str, Callable[[Path], object]] = {
 def test_whatever_is_done_to_it_the_next_commit_mends_the_table(small: Catalog, meddling: str) -> None:
     for name, reynolds in (("c", 110.0), ("b", 120.0), ("a", 130.0)):
         add_member(small, name, reynolds)
+    time.sleep(TICK)
     MEDDLING[meddling](small.path)
     add_member(small, "e", 140.0)
     present = sorted(p.name for p in (small.path / "members").iterdir())
@@ -192,6 +196,7 @@ def test_members_are_found_by_their_parameters(small: Catalog) -> None:
     assert other.find({"Re": np.nextafter(110.0, 111.0), "Pr": 1.0}) is None
     add_member(small, "b", 120.0)
     assert other.find({"Re": 120.0, "Pr": 1.0}) == "b"
+    time.sleep(TICK)
     shutil.rmtree(small.path / "members/b")
     assert other.find({"Re": 120.0, "Pr": 1.0}) is None
     with pytest.raises(ValueError, match="missing"):

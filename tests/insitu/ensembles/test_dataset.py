@@ -106,6 +106,7 @@ def test_a_simulation_is_rendered_over_processes_and_then_left_alone(tmp_path: P
     assert json.loads(record.read_text())["seconds"] == pytest.approx(result.seconds, abs=1.0)
 
 
+@pytest.mark.slow
 def test_a_catalog_that_is_there_is_only_looked_at(tmp_path: Path) -> None:
     made = make_dataset(scene(tmp_path, SIMULATION), tmp_path / "runs", workers=1)
     shutil.move(made.catalog, tmp_path / "flow.cdb")
@@ -177,6 +178,7 @@ def test_doing_nothing_loads_and_starts_little_and_says_so(flow: Path, tmp_path:
     assert loaded == "[]"
 
 
+@pytest.mark.slow
 def test_seconds_add_up_over_runs(flow: Path, tmp_path: Path) -> None:
     record = flow / "dataset.json"
     record.write_text(json.dumps({"seconds": 1000.0}))
@@ -187,6 +189,7 @@ def test_seconds_add_up_over_runs(flow: Path, tmp_path: Path) -> None:
     assert result.seconds == pytest.approx(json.loads(record.read_text())["seconds"], abs=0.1)
 
 
+@pytest.mark.slow
 def test_a_stored_ensemble_is_rendered(tmp_path: Path, stored: Path) -> None:
     text = f'name = "file"\n[source]\nkind = "hdf5"\npath = "{stored.name}"\n[members]\nvalidation = 1\n{APPEARANCE}'
     result = make_dataset(scene(tmp_path, text), tmp_path / "runs", workers=1)

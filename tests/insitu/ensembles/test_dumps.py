@@ -164,6 +164,7 @@ def test_shards_split_by_run(tmp_path: Path, log: Path) -> None:
     assert len(names(path)) == 12
 
 
+@pytest.mark.slow
 def test_progress_counts_dumps_as_they_come(tmp_path: Path, log: Path) -> None:
     states: list[Any] = []
     run_ensemble(tmp_path / "a.cdb", planned(1), Marching(str(log)), OPTIONS, workers=1, progress=states.append)

@@ -189,6 +189,7 @@ def test_a_member_whose_worker_died_once_is_rendered_after_all(tmp_path: Path, l
     assert log.read_text().count("m2") == 2
 
 
+@pytest.mark.slow
 def test_a_full_disk_stops_the_ensemble_at_once(tmp_path: Path, log: Path) -> None:
     source = Source(str(log), (("m1", "full"),))
     result = run_ensemble(tmp_path / "a.cdb", planned(), source, OPTIONS, workers=1)

@@ -265,6 +265,7 @@ def test_members_whose_names_would_be_alike_are_refused(tmp_path: Path) -> None:
         FileEnsemble.of(read_table(tmp_path / "t.csv"))
 
 
+@pytest.mark.slow
 def test_members_stored_under_another_name_are_there_already(tmp_path: Path) -> None:
     write(tmp_path)
     paths = sorted(tmp_path.rglob("*.npy"))[:3]

@@ -123,6 +123,7 @@ def test_a_function_makes_the_members_of_a_scene(tmp_path: Path) -> None:
     assert insitu.make_dataset(asked, tmp_path / "runs", simulate=ball).made == 0
 
 
+@pytest.mark.slow
 def test_dumps_of_a_run_are_asked_for_in_the_order_of_time(tmp_path: Path) -> None:
     asked = scene(tmp_path, TIMED.replace('script = "ball/simulation.py"\n', ""))
     result = make_dataset(asked, tmp_path / "runs", simulate=growing, workers=1)
@@ -162,6 +163,7 @@ def test_a_script_runs_from_the_command_line_over_processes(tmp_path: Path) -> N
     assert "nothing to do" in CliRunner().invoke(main, arguments).output
 
 
+@pytest.mark.slow
 def test_a_member_that_fails_costs_no_other_and_is_tried_again(tmp_path: Path) -> None:
     asked = scene(tmp_path, WITHOUT_SCRIPT)
     first = make_dataset(asked, tmp_path / "runs", simulate=broken, workers=1)
@@ -173,6 +175,7 @@ def test_a_member_that_fails_costs_no_other_and_is_tried_again(tmp_path: Path) -
         )
 
 
+@pytest.mark.slow
 def test_values_that_are_not_there_are_refused_or_transparent(tmp_path: Path) -> None:
     refused = scene(tmp_path, WITHOUT_SCRIPT)
     with pytest.raises(ValueError, match="NaN"):

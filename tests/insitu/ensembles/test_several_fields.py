@@ -148,6 +148,7 @@ def small_scene(folder: Path, *changes: tuple[str, str]) -> Scene:
     return scene(folder, text)
 
 
+@pytest.mark.slow
 def test_the_scene_of_two_fields_is_made_and_then_left_alone(tmp_path: Path) -> None:
     from insitu.simulations import simulation
 

@@ -128,6 +128,7 @@ def with_their_reader(folder: Path, monkeypatch: pytest.MonkeyPatch, **parts: st
     return [*catalog, "--workers", "1"]
 
 
+@pytest.mark.slow
 def test_a_reader_that_cannot_tell_files_is_left_out_and_named_once(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:

@@ -45,7 +45,9 @@ SPELLINGS: dict[str, tuple[str, dict[str, str]]] = {
 
 ORDERS = ("zyxt", "xyzt", "ztyx", "zytx", "tzyx")
 # Every order with every spelling, and each of both in both stores.
-STORED = [((".nc", ".zarr")[(i + j) % 2], order, name) for i, order in enumerate(ORDERS) for j, name in enumerate(SPELLINGS)]
+STORED = [
+    ((".nc", ".zarr")[(i + j) % 2], order, name) for i, order in enumerate(ORDERS) for j, name in enumerate(SPELLINGS)
+]
 
 
 @pytest.mark.parametrize(("suffix", "dims", "spelling"), STORED)

@@ -102,6 +102,7 @@ def test_without_members_or_functions_nothing_is_known() -> None:
     assert SeenValues.of(EVEN, []) is None
 
 
+@pytest.mark.slow
 def test_training_showed_its_own_functions_and_the_members_that_it_learnt_from(tmp_path: Path) -> None:
     catalog = field_catalog(tmp_path / "a.cdb", summaries=True)
     functions, field = trained_functions(catalog, following())

@@ -342,6 +342,7 @@ class TestMissing:
         assert getattr(missing.score(picture(), picture()), metric) is None
 
 
+@pytest.mark.slow
 def test_two_threads_find_what_one_finds(metrics: PerceptualMetrics) -> None:
     pairs = [(picture(), noisy(picture(), 0.02 * (1 + number))) for number in range(8)]
     alone = [metrics.score(*pair) for pair in pairs]

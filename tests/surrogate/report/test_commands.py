@@ -10,6 +10,7 @@ from surrogate.report import records
 from tests.support.results import make_catalog, make_scene
 
 
+@pytest.mark.slow
 def test_figures_are_kept_and_answer_where_there_is_no_model(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     scene, _ = make_scene(tmp_path, "blobs"), make_catalog(tmp_path, "blobs")
 

@@ -46,6 +46,7 @@ def report(run: tuple[Surrogate, Catalog, Path]) -> tuple[dict[str, Any], str]:
     return json.loads((folder / "report" / "report.json").read_text()), text
 
 
+@pytest.mark.slow
 def test_all_representations_stand_side_by_side(
     run: tuple[Surrogate, Catalog, Path], report: tuple[dict[str, Any], str]
 ) -> None:
@@ -76,6 +77,7 @@ def test_all_representations_stand_side_by_side(
     assert "| the Gaussians (" in text
 
 
+@pytest.mark.slow
 def test_numbers_have_errors_and_intervals(report: tuple[dict[str, Any], str]) -> None:
     record, text = report
     [numbers] = record["numbers"]
@@ -85,6 +87,7 @@ def test_numbers_have_errors_and_intervals(report: tuple[dict[str, Any], str]) -
     assert "| the field | values at 4,000 places | " in text
 
 
+@pytest.mark.slow
 def test_what_was_asked_for_is_said(run: tuple[Surrogate, Catalog, Path], tmp_path: Path) -> None:
     surrogate, catalog, _ = run
     by_gaussians = surrogate.using(GAUSSIANS)
@@ -118,6 +121,7 @@ def test_scores_of_left_out_members_are_called_so() -> None:
         assert f"| {title} |" in text
 
 
+@pytest.mark.slow
 def test_a_field_alone_is_reported(run: tuple[Surrogate, Catalog, Path], tmp_path: Path) -> None:
     catalog = run[1]
     alone = train(SETTINGS, catalog, tmp_path / "surrogate", only_field=True)
@@ -126,6 +130,7 @@ def test_a_field_alone_is_reported(run: tuple[Surrogate, Catalog, Path], tmp_pat
     assert "from its emulated field: nothing else was trained." in (tmp_path / "report" / "report.md").read_text()
 
 
+@pytest.mark.slow
 def test_other_fields_are_compared_where_all_are_trained(tmp_path: Path) -> None:
     looks = [VolumeRendering("dvr", FUNCTION, field="q"), VolumeRendering("speed", FUNCTION, field="speed")]
     variation = field_variation("dvr", appearances=["speed"])

@@ -62,6 +62,7 @@ def test_from_a_catalog_to_the_explorer(flow: Path) -> None:
     assert "gaussians              20" in call("show", "runs/flow")
 
 
+@pytest.mark.slow
 def test_a_catalog_that_moved_is_told_and_found(flow: Path) -> None:
     call("train", flow, *SMALL)
     Path("far").mkdir()
@@ -72,6 +73,7 @@ def test_a_catalog_that_moved_is_told_and_found(flow: Path) -> None:
     assert "unseen views" in call("evaluate", "runs/flow")
 
 
+@pytest.mark.slow
 def test_without_test_members_nothing_is_claimed_of_unseen_parameters(flow: Path) -> None:
     for member in ("test-0", "validation-0"):
         shutil.rmtree(flow / "members" / member)
@@ -84,6 +86,7 @@ def test_without_test_members_nothing_is_claimed_of_unseen_parameters(flow: Path
     assert json.loads(Path("runs/flow/report/report.json").read_text())["trivial_predictors"] == []
 
 
+@pytest.mark.slow
 def test_a_catalog_is_the_source_of_a_scene(flow: Path) -> None:
     scene = Path("mine.toml")
     table = 'name = "mine"\n[source]\nkind = "catalog"\npath = "flow.cdb"\n[training]\n'

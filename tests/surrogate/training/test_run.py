@@ -43,6 +43,7 @@ def test_unseen_parameters_and_views_are_recovered(make_catalog, tmp_path: Path)
     assert surrogate.training["curve"][-1]["psnr"] > canonical["psnr"] + 4.0
 
 
+@pytest.mark.slow
 def test_a_finished_run_has_nothing_to_do(make_catalog, tmp_path: Path) -> None:
     catalog, seen = make_catalog(), []
     first = train(QUICK, catalog, tmp_path / "surrogate")

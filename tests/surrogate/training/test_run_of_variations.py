@@ -115,6 +115,7 @@ def test_every_way_to_train_goes_on_after_interruptions(catalog: Catalog, tmp_pa
         assert not resumed.encodings
 
 
+@pytest.mark.slow
 def test_a_degree_that_was_chosen_is_not_asked_again(
     catalog: Catalog, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -261,6 +262,7 @@ def nearest(variation: Variation, unseen: VariationSetting) -> VariationSetting:
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("carried", "variation", "better"),
     [

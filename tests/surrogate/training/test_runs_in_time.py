@@ -65,6 +65,7 @@ def test_commands_and_report_say_who_tests(
     assert said[1:] in Path("runs/flow/report/report.md").read_text()
 
 
+@pytest.mark.slow
 def test_runs_of_which_dumps_were_held_out_go_on_and_say_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     catalog_of(Path("flow.cdb"), 7, 3)

@@ -112,6 +112,7 @@ def test_empty_images_alone_are_refused_before_anything_is_written(
     require_content(Source(TrainingSettings(), shown))
 
 
+@pytest.mark.slow
 def test_one_image_that_shows_something_is_found_among_many(tmp_path: Path) -> None:
     rows = [(i / 99, 0.5) for i in range(100)]
     catalog = catalog_of(tmp_path / "a.cdb", rows, blank=[i for i in range(100) if i != 37])

@@ -88,6 +88,7 @@ def test_the_command_says_why(tmp_path: Path) -> None:
     assert done.output.count("an emulator needs one grid for all members") == 1
 
 
+@pytest.mark.slow
 def test_all_that_is_learnt_must_be_emulated(tmp_path: Path) -> None:
     space = ParameterSpace((Parameter("p", 0.0, 1.0),))
     shown = [VolumeRendering("one", FUNCTION, field="one"), VolumeRendering("two", FUNCTION, field="two")]
@@ -146,6 +147,7 @@ def test_fields_that_32_bits_do_not_tell_apart_are_trained_from_pictures(tmp_pat
         train(SETTINGS, catalog, tmp_path / "other", only_field=True)
 
 
+@pytest.mark.slow
 def test_a_finished_run_whose_catalog_got_fields_gets_their_emulator_alone(tmp_path: Path) -> None:
     catalog = catalog_of(tmp_path / "a.cdb", [grown(i) for i in range(5)])
     files = {member.path / COARSE: (member.path / COARSE).read_bytes() for member in catalog.members}
@@ -165,6 +167,7 @@ def test_a_finished_run_whose_catalog_got_fields_gets_their_emulator_alone(tmp_p
     assert set(Surrogate.load(tmp_path / "run" / "surrogate").scores.psnr["view"]) == {GAUSSIANS, FIELD, BOTH}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("step", "drawn_by"), [(0, FIELD), (3, GAUSSIANS)])
 def test_members_that_are_left_out_tell_what_draws_where_none_validate(
     tmp_path: Path, step: int, drawn_by: str

@@ -144,6 +144,7 @@ def test_a_folder_gets_a_file_of_its_own_name(run: Path, tmp_path: Path) -> None
     assert sorted(path.name[:11] for path in tmp_path.iterdir()) == ["blobs-p-0.3", "blobs-p-0.4"]
 
 
+@pytest.mark.slow
 def test_two_settings_are_compared(run: Path, tmp_path: Path) -> None:
     output = tmp_path / "a.png"
     result = done(export, run, "-p", "p=0.3", "--compare", "c2_opacity=0.7", "--size", "2x", "-o", output)

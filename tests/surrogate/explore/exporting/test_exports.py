@@ -75,6 +75,7 @@ def test_the_code_draws_the_picture(run: Run, tmp_path: Path, monkeypatch: pytes
     assert np.abs(drawn.astype(int) - expected).max() <= 1
 
 
+@pytest.mark.slow
 def test_sweeps_become_sheets_and_films(run: Run) -> None:
     sheet = Image.open(io.BytesIO(exported(message(kind="sheet", sweep=SWEEP), run).content))
     assert sheet.width > 3 * 64

@@ -201,6 +201,7 @@ def call_for(**changes: Any) -> dict[str, Any]:
     return {"call": "frame", "request": message(**changes)}
 
 
+@pytest.mark.slow
 def test_a_flood_holds_up_no_one_else(explorer: str, tab: Tab) -> None:
     mad = Tab(explorer)
     sending = mad.flood(call_for(), 2000)
@@ -280,6 +281,7 @@ def test_tabs_get_what_they_asked_for_and_not_what_others_did(explorer: str) -> 
             assert all((a["size"], a["pictures"]) == (changes["size"], alone["pictures"]) for a in got)
 
 
+@pytest.mark.slow
 def test_tabs_that_come_and_go_leave_nothing(explorer: str) -> None:
     process = psutil.Process()
 

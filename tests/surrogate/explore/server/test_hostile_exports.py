@@ -59,6 +59,7 @@ def test_exports_that_nobody_waits_for_are_not_made(explorer: str, tab: Tab, mon
     lives(tab)
 
 
+@pytest.mark.slow
 def test_a_flood_of_exports_is_turned_away(explorer: str, tab: Tab) -> None:
     sheet = message(kind="sheet", size=[256, 256], sweep={**SWEEP, "count": 20})
     with ThreadPoolExecutor(20) as pool:
