@@ -103,7 +103,7 @@ def test_impossible_numbers_are_refused(catalog: Catalog, count: int) -> None:
 
 
 def test_the_command_writes_a_table_and_a_figure(catalog: Catalog, tmp_path: Path) -> None:
-    run = ["train", str(catalog.path), "--model", "field", "-o", str(tmp_path / "run")]
+    run = ["train", str(catalog.path), "--model", "field", "--steps", "5", "-o", str(tmp_path / "run")]
     assert CliRunner().invoke(main, run).exit_code == 0
     table, figure = tmp_path / "next.csv", tmp_path / "next.png"
     asked = ["ask", "next", str(tmp_path / "run"), "-n", "3"]

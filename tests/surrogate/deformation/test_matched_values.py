@@ -10,7 +10,7 @@ import torch
 
 from surrogate.appearance.scale import ValueScale
 from surrogate.deformation.emulated_values import RIDGE, EmulatedValues
-from tests.surrogate.deformation.test_emulated_values import COUNT, MEMBERS, MODES, SCALE, emulated, processes
+from tests.support.emulated_values import COUNT, MEMBERS, MODES, SCALE, emulated, processes
 
 
 def another(scale: ValueScale | None, members: int) -> EmulatedValues:

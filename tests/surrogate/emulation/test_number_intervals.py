@@ -14,6 +14,7 @@ from surrogate.emulation.measures import NUMBERS, Measured, statistics
 from tests.support.ensembles_of_fields import ORIGIN, SPACING, smooth, some_points
 
 SIDE, UNSEEN = 10, 60
+SLOW = pytest.mark.slow
 NORMAL = 1.6448536269514722
 LEVEL = 1.0
 SCALE = ValueScale(np.array([0.5, 1.0, 1.2, 2.0]))
@@ -50,7 +51,10 @@ def inside(count: int, scale: ValueScale | None = None) -> tuple[np.ndarray, np.
     return np.mean(calibrated, 0), np.mean(drawn, 0)
 
 
-@pytest.mark.parametrize(("count", "scale"), [(10, None), (20, None), (40, None), (20, SCALE)])
+@pytest.mark.parametrize(
+    ("count", "scale"),
+    [(10, None), pytest.param(20, None, marks=SLOW), pytest.param(40, None, marks=SLOW), (20, SCALE)],
+)
 def test_intervals_of_numbers_hold(count: int, scale: ValueScale | None) -> None:
     calibrated, drawn = inside(count, scale)
     assert (calibrated >= 0.85).all(), calibrated

@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 from collections.abc import Callable
 from dataclasses import replace
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -44,19 +45,25 @@ def values_at(point: Any) -> np.ndarray:
     return np.asarray((0.6 + 0.2 * second) * bump, dtype=np.float32)
 
 
-def field_model(
-    appearance: Appearance | None = None,
-    holes: Callable[[Any], Any] | None = None,
-    values: Callable[[Any], np.ndarray] = values_at,
-    **changes: Any,
-) -> FieldModel:
+@cache
+def emulator_of(holes: Callable[[Any], Any] | None, values: Callable[[Any], np.ndarray]) -> FieldEmulator:
     """An emulator of ten members, `holes` by their points."""
     points = np.random.default_rng(1).uniform(-1.0, 1.0, (10, 2))
     fields = np.stack([values(point) for point in points])
     for field, point in zip(fields, points, strict=True):
         if holes is not None:
             field[holes(point)] = np.nan
-    emulator = FieldEmulator.fit(points, fields, (SPACING,) * 3, (0.0,) * 3)
+    return FieldEmulator.fit(points, fields, (SPACING,) * 3, (0.0,) * 3)
+
+
+def field_model(
+    appearance: Appearance | None = None,
+    holes: Callable[[Any], Any] | None = None,
+    values: Callable[[Any], np.ndarray] = values_at,
+    **changes: Any,
+) -> FieldModel:
+    """The emulator of ten members in a model."""
+    emulator = emulator_of(holes, values)
     shown = appearance or VolumeRendering("dvr", FUNCTION)
     normalization = Normalization(np.full(3, 0.4), 0.8)
     model = FieldModel(EmulatedFields(SPACE, {"": emulator}), (shown,), (), normalization, training={"fingerprint": ""})

@@ -20,6 +20,7 @@ from surrogate.ray_casting.reference import draw_isosurface_reference
 from tests.support.cast_cases import SMOOTH, far_away, gyroid, inside, punctured, seen, with_values
 
 FIELD = gyroid()
+SIDE = 24  # pixels
 SHINY = Isosurface("iso", 0.2, (0.9, 0.4, 0.1), 0.1, 0.6, 0.5, 35.0)
 THIN = SampledField(np.linspace(-1, 1, 8, dtype=np.float32).reshape(2, 2, 2), None, (0.5, 1.0, 2.0))
 
@@ -37,21 +38,21 @@ def scaled(scale: float, offset: float) -> SampledField:
 
 
 CASES: dict[str, tuple[SampledField, float, Camera]] = {
-    "ordinary": (FIELD, 0.2, seen(FIELD, 40)),
-    "another value and view": (FIELD, -0.6, seen(FIELD, 40, 3)),
-    "holes": (punctured(), 0.2, seen(FIELD, 40)),
-    "camera inside": (FIELD, 0.2, inside(FIELD, 40)),
+    "ordinary": (FIELD, 0.2, seen(FIELD, SIDE)),
+    "another value and view": (FIELD, -0.6, seen(FIELD, SIDE, 3)),
+    "holes": (punctured(), 0.2, seen(FIELD, SIDE)),
+    "camera inside": (FIELD, 0.2, inside(FIELD, SIDE)),
     "a wide image": (FIELD, 0.2, seen(FIELD, 37, 30, 19)),
     "one pixel": (FIELD, 0.2, seen(FIELD, 1)),
-    "one cell": (THIN, 0.1, seen(THIN, 40)),
-    "through the faces": (LEVELS, 2.999999, seen(LEVELS, 40, 30)),
-    "on the faces": (LEVELS, 3.0, seen(LEVELS, 40, 3)),
+    "one cell": (THIN, 0.1, seen(THIN, SIDE)),
+    "through the faces": (LEVELS, 2.999999, seen(LEVELS, SIDE, 30)),
+    "on the faces": (LEVELS, 3.0, seen(LEVELS, SIDE, 3)),
     "from far away": (FIELD, 0.2, far_away(FIELD)),
     "beyond every value": (FIELD, 7.0, seen(FIELD, 9)),
     "constant at the isovalue": (with_values(np.full((4, 5, 6), 0.2, np.float32)), 0.2, seen(FIELD, 9)),
-    "values far out": (outlying(), 0.2, seen(FIELD, 40)),
-    "tiny values": (scaled(1e-200, 0.0), 0.2e-200, seen(FIELD, 40)),
-    "a large offset": (scaled(1.0, 1e9), 1e9 + 0.2, seen(FIELD, 40)),
+    "values far out": (outlying(), 0.2, seen(FIELD, SIDE)),
+    "tiny values": (scaled(1e-200, 0.0), 0.2e-200, seen(FIELD, SIDE)),
+    "a large offset": (scaled(1.0, 1e9), 1e9 + 0.2, seen(FIELD, SIDE)),
 }
 
 
@@ -80,7 +81,7 @@ def test_the_kernel_draws_what_the_reference_defines(name: str, instruction_set:
 @pytest.mark.parametrize("name", ["ordinary", "another value and view", "holes", "a wide image", "values far out"])
 def test_images_are_those_that_vtk_draws(name: str) -> None:
     field, value, camera = CASES[name]
-    camera = camera.resized(3 * camera.width, 3 * camera.height)
+    camera = camera.resized(5 * camera.width, 5 * camera.height)
     grid = Grid(field.filled, field.spacing, field.origin, field.holes)
     (expected,) = render_views(grid, surface(value), [camera], float_output=True)
     assert expected[..., 3].max() > 0.99
@@ -112,8 +113,8 @@ def test_threads_change_no_bit(name: str) -> None:
 def test_fewer_samples_a_pixel_are_the_means_of_fewer_rays(samples: int) -> None:
     field, value, camera = CASES["ordinary"]
     found = SurfaceCaster.of(field, surface(value)).draw(camera, samples=samples)
-    rays = SurfaceCaster.of(field, surface(value)).draw(camera.resized(40 * samples, 40 * samples), samples=1)
-    np.testing.assert_allclose(found, rays.reshape(40, samples, 40, samples, 4).mean(axis=(1, 3)), atol=1e-6)
+    rays = SurfaceCaster.of(field, surface(value)).draw(camera.resized(SIDE * samples, SIDE * samples), samples=1)
+    np.testing.assert_allclose(found, rays.reshape(SIDE, samples, SIDE, samples, 4).mean(axis=(1, 3)), atol=1e-6)
 
 
 def test_bad_input_is_refused() -> None:

@@ -58,6 +58,7 @@ def test_they_start_elsewhere_where_the_field_tells_too_little(catalog: Catalog)
     assert elsewhere.emulated_surfaces(model, variation) is None
 
 
+@pytest.mark.slow
 def test_a_run_starts_there_and_draws_them_again(catalog: Catalog, tmp_path: Path) -> None:
     surrogate = train(SETTINGS, catalog, tmp_path)
     camera = catalog.plan.cameras[0]
@@ -69,6 +70,7 @@ def test_a_run_starts_there_and_draws_them_again(catalog: Catalog, tmp_path: Pat
     assert alpha.max() > 0.5
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("step", [12, 25], ids=["before the start", "after it"])
 def test_an_interrupted_run_ends_where_an_undisturbed_one_does(catalog: Catalog, tmp_path: Path, step: int) -> None:
     interrupt(lambda progress: progress.step >= step, SETTINGS, catalog, tmp_path / "resumed")

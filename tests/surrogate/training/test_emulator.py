@@ -57,7 +57,7 @@ def test_the_command_stops_after_the_field_and_goes_on(catalog: Catalog, tmp_pat
 def test_without_validation_members_left_out_ones_are_scored(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("tests.support.field_catalogs.VALIDATED", ())
     catalog = rendered(tmp_path / "a.cdb", surface=False)
-    arguments = ["train", str(catalog.path), "-o", str(tmp_path / "run"), "--model", "field"]
+    arguments = ["train", str(catalog.path), "-o", str(tmp_path / "run"), "--model", "field", "--steps", "5"]
     output = CliRunner().invoke(main, arguments).output
     assert " dB on left-out members, " in output
     assert "validation images" not in output
