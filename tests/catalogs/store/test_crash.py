@@ -15,7 +15,7 @@ from catalogs.files import durable
 from catalogs.store.catalog import Catalog
 from catalogs.tools.check import check
 from tests.catalogs.conftest import add_member, small_plan
-from tests.support.mortal_disk import LOSSES, MortalDisk, check_consistent, contents, in_child
+from tests.support.mortal_disk import LOSSES, MortalDisk, check_consistent, contents, in_child, in_small_process
 
 MEMBERS = {"a": 110.0, "b": 150.0, "c": 190.0}
 
@@ -51,6 +51,7 @@ def operations(folder: Path) -> int:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("loss", LOSSES)
+@in_small_process
 def test_dead_at_every_operation(folder: Path, loss: str) -> None:
     write_all(folder / "whole.cdb", ("a", "b"))
     undisturbed = contents(folder / "whole.cdb")

@@ -29,7 +29,7 @@ from catalogs.vocabulary.cameras import orbit, view_splits
 from catalogs.vocabulary.parameters import Parameter, ParameterSpace
 from catalogs.vocabulary.quantity import Quantity
 from tests.catalogs.conftest import add_member, make_plan, small_plan
-from tests.support.mortal_disk import IN_TURN, MortalDisk, check_consistent, contents, in_child
+from tests.support.mortal_disk import IN_TURN, MortalDisk, check_consistent, contents, in_child, in_small_process
 
 
 def small(path: Path, members: dict[str, float], **options: Any) -> Catalog:
@@ -271,6 +271,7 @@ def operations(folder: Path, given: list[Path]) -> int:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("loss", ["everything", IN_TURN])
+@in_small_process
 def test_dead_at_every_operation_the_same_command_completes_it(folder: Path, loss: str) -> None:
     given = sources(folder)
     merge(folder / "whole.cdb", given)

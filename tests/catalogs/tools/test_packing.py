@@ -24,7 +24,7 @@ from catalogs.tools.repair import repair
 from catalogs.tools.show import describe
 from catalogs.vocabulary.cameras import orbit
 from tests.catalogs.conftest import add_member, make_plan, picture, small_plan
-from tests.support.mortal_disk import IN_TURN, MortalDisk, contents, in_child
+from tests.support.mortal_disk import IN_TURN, MortalDisk, contents, in_child, in_small_process
 
 OTHERWISE = "Catalog", "  images", "  on disk", "  of these"  # lines of `catalogs show` that packing changes
 
@@ -184,6 +184,7 @@ def test_the_command_says_what_it_did(catalog: Catalog, tmp_path: Path) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("loss", ["everything", IN_TURN])
+@in_small_process
 def test_dead_at_every_operation_the_same_command_completes_it(folder: Path, loss: str) -> None:
     catalog = Catalog.create(folder / "whole.cdb", small_plan())
     for number, name in enumerate("ab"):

@@ -18,7 +18,7 @@ from catalogs.tools.check import check
 from catalogs.tools.damage import lasting_problems
 from catalogs.tools.repair import DAMAGED, repair
 from tests.catalogs.conftest import add_member, make_plan, rewrite_record, small_plan
-from tests.support.mortal_disk import IN_TURN, MortalDisk, check_consistent, contents, in_child
+from tests.support.mortal_disk import IN_TURN, MortalDisk, check_consistent, contents, in_child, in_small_process
 
 FOLDER = Path("members/first")
 IMAGE = FOLDER / "dvr/003.png"
@@ -208,6 +208,7 @@ def repaired_contents(path: Path) -> dict[str, bytes]:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("loss", ["everything", IN_TURN])
+@in_small_process
 def test_dead_at_every_operation_the_same_command_completes_it(folder: Path, loss: str) -> None:
     damaged_catalog(folder / "count.cdb")
     disk = MortalDisk(-1, "after", folder)

@@ -22,7 +22,7 @@ from catalogs.tools.packing import pack
 from catalogs.tools.split import split
 from catalogs.vocabulary.parameters import Parameter, ParameterSpace
 from tests.catalogs.conftest import add_member, make_plan, small_plan
-from tests.support.mortal_disk import IN_TURN, MortalDisk, contents, in_child
+from tests.support.mortal_disk import IN_TURN, MortalDisk, contents, in_child, in_small_process
 
 REYNOLDS = {"d": 110.0, "a": 150.0, "c": 120.0, "b": 190.0, "e": 130.0}
 ROWS = 4  # of a member: two appearances, two views
@@ -138,6 +138,7 @@ def test_the_command_says_what_it_did(whole: Catalog, tmp_path: Path) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("loss", ["everything", IN_TURN])
+@in_small_process
 def test_dead_at_every_operation_the_same_command_completes_it(folder: Path, loss: str) -> None:
     whole = filled(folder / "whole.cdb")
     split(whole.path, folder / "split.cdb", rows=3 * ROWS)

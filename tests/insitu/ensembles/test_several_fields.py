@@ -202,6 +202,7 @@ def test_fields_that_a_source_lacks_are_named_before_anything_runs(
     assert not (tmp_path / "runs").exists()
 
 
+@pytest.mark.slow
 def test_a_scene_of_a_file_names_its_data_sets(stored: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("GS_SURROGATE_DATA", str(tmp_path))
     text = (

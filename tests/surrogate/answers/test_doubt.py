@@ -174,6 +174,7 @@ def test_the_command_answers_in_words_json_and_a_picture(doubt: Doubt, folder: P
     assert "--view must be below" in asked("-p", "p=0.3", "--view", "99")
 
 
+@pytest.mark.slow
 def test_gaussians_doubt_by_their_difference_from_the_field(catalog: Catalog, tmp_path: Path) -> None:
     surrogate = train(SETTINGS, catalog, tmp_path / "surrogate")
     doubt = Doubt.of(surrogate, catalog)

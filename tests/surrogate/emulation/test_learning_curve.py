@@ -68,6 +68,7 @@ def test_holes_and_constant_fields_are_taken(holes: int) -> None:
     assert np.isfinite(LearningCurve.of(points, constant).line).all()
 
 
+@pytest.mark.slow
 def test_members_of_a_run_are_left_out_together() -> None:
     points, fields = _ensemble(12, 0)
     runs = np.repeat([7, 2, 5, 9, 1, 4], 2)

@@ -20,7 +20,7 @@ from surrogate.ray_casting.reference import draw_isosurface_reference
 from tests.support.cast_cases import SMOOTH, far_away, gyroid, inside, punctured, seen, with_values
 
 FIELD = gyroid()
-SIDE = 24  # pixels
+SIDE = 16  # pixels
 SHINY = Isosurface("iso", 0.2, (0.9, 0.4, 0.1), 0.1, 0.6, 0.5, 35.0)
 THIN = SampledField(np.linspace(-1, 1, 8, dtype=np.float32).reshape(2, 2, 2), None, (0.5, 1.0, 2.0))
 
@@ -42,12 +42,12 @@ CASES: dict[str, tuple[SampledField, float, Camera]] = {
     "another value and view": (FIELD, -0.6, seen(FIELD, SIDE, 3)),
     "holes": (punctured(), 0.2, seen(FIELD, SIDE)),
     "camera inside": (FIELD, 0.2, inside(FIELD, SIDE)),
-    "a wide image": (FIELD, 0.2, seen(FIELD, 37, 30, 19)),
+    "a wide image": (FIELD, 0.2, seen(FIELD, 25, 30, 13)),
     "one pixel": (FIELD, 0.2, seen(FIELD, 1)),
     "one cell": (THIN, 0.1, seen(THIN, SIDE)),
     "through the faces": (LEVELS, 2.999999, seen(LEVELS, SIDE, 30)),
     "on the faces": (LEVELS, 3.0, seen(LEVELS, SIDE, 3)),
-    "from far away": (FIELD, 0.2, far_away(FIELD)),
+    "from far away": (FIELD, 0.2, far_away(FIELD, size=SIDE)),
     "beyond every value": (FIELD, 7.0, seen(FIELD, 9)),
     "constant at the isovalue": (with_values(np.full((4, 5, 6), 0.2, np.float32)), 0.2, seen(FIELD, 9)),
     "values far out": (outlying(), 0.2, seen(FIELD, SIDE)),
@@ -81,7 +81,7 @@ def test_the_kernel_draws_what_the_reference_defines(name: str, instruction_set:
 @pytest.mark.parametrize("name", ["ordinary", "another value and view", "holes", "a wide image", "values far out"])
 def test_images_are_those_that_vtk_draws(name: str) -> None:
     field, value, camera = CASES[name]
-    camera = camera.resized(5 * camera.width, 5 * camera.height)
+    camera = camera.resized(7 * camera.width, 7 * camera.height)
     grid = Grid(field.filled, field.spacing, field.origin, field.holes)
     (expected,) = render_views(grid, surface(value), [camera], float_output=True)
     assert expected[..., 3].max() > 0.99

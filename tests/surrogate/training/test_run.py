@@ -54,6 +54,7 @@ def test_a_finished_run_has_nothing_to_do(make_catalog, tmp_path: Path) -> None:
     assert again.training["curve"] == first.training["curve"]
 
 
+@pytest.mark.slow
 def test_a_packed_catalog_gives_the_same_surrogate(make_catalog, tmp_path: Path) -> None:
     catalog = make_catalog()
     pack(catalog.path, tmp_path / "packed.cdb")

@@ -61,7 +61,9 @@ def grown(i: int, side: int = SIDE) -> NDArray[np.floating]:
     return blob(size=side) * (0.7 + 0.1 * i)
 
 
-@pytest.mark.parametrize("size", [1e-9, 1.0, 1e9])
+@pytest.mark.parametrize(
+    "size", [pytest.param(1e-9, marks=pytest.mark.slow), 1.0, pytest.param(1e9, marks=pytest.mark.slow)]
+)
 @pytest.mark.parametrize(("side", "shift"), [(7, 0.0), (SIDE, 0.02)])
 def test_fields_on_unlike_lattices_are_trained_from_pictures(
     tmp_path: Path, size: float, side: int, shift: float

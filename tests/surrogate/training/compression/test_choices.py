@@ -142,6 +142,7 @@ def test_colours_depend_on_the_direction_only_where_they_do(
     assert same(known.fitted.gaussians, before.gaussians)
 
 
+@pytest.mark.slow
 def test_all_choices_in_turn_are_repeatable_and_change_nothing_in_place(make_known: MakeKnown) -> None:
     known = make_known(("means", "opacity_logits"), useless=10)
     before, found = known.fitted.copy(), []

@@ -67,6 +67,7 @@ def test_lit_surfaces_are_told_from_unlit_ones(catalog: Catalog, directional: fl
     assert not any(tensor.requires_grad for tensor in model.tensors().values())
 
 
+@pytest.mark.slow
 def test_the_same_is_chosen_again(catalog: Catalog) -> None:
     first, second = (asked(catalog, ISOVALUE, fitted(), lit(0.2)) for _ in range(2))
     assert first == second
