@@ -28,7 +28,7 @@ def test_more_members_gain_what_was_expected() -> None:
     """Beside emulators that are fitted to 24 and to 48 members, over several draws of them."""
     unseen = _ensemble(60, 99)
     happened, expected, inside = [], [], 0
-    for seed in range(6):
+    for seed in range(4):
         points, fields = _ensemble(48, seed)
         few, many = (FieldEmulator.fit(points[:n], fields[:n], (1.0,) * 3, (0.0,) * 3) for n in (24, 48))
         happened.append(_decibels(many, *unseen) - _decibels(few, *unseen))
@@ -37,7 +37,7 @@ def test_more_members_gain_what_was_expected() -> None:
         inside += gain.low <= happened[-1] <= gain.high
     assert np.mean(happened) > 3.0
     assert np.mean(expected) == pytest.approx(np.mean(happened), rel=0.35)
-    assert inside >= 4
+    assert inside >= 3
 
 
 @pytest.mark.slow
