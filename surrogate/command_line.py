@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -127,6 +127,15 @@ def scene_errors(path: Path) -> Iterator[None]:
         yield
     except ValueError as error:
         raise click.ClickException(f"scene {path}: {error}") from error
+
+
+def assignment(text: str, names: Sequence[str]) -> tuple[str, str]:
+    """Name and value of NAME=VALUE, of which one of `names` may hold a "=" or begin with a space; either may come out empty."""
+    length = max((len(name) for name in names if text.startswith(f"{name}=")), default=-1)
+    if length >= 0:
+        return text[:length], text[length + 1 :].strip()
+    name, _, value = (part.strip() for part in text.partition("="))
+    return name, value
 
 
 def load_surrogate(directory: Path) -> Surrogate:

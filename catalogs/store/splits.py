@@ -174,6 +174,12 @@ def runs_of(members: Sequence[Member], space: ParameterSpace) -> list[list[Membe
     return list(runs.values())
 
 
+def run_numbers(members: Sequence[Member], space: ParameterSpace) -> list[int]:
+    """The number of each member's run, see `runs_of`."""
+    numbers = {member.name: number for number, run in enumerate(runs_of(members, space)) for member in run}
+    return [numbers[member.name] for member in members]
+
+
 def shared_runs(members: Sequence[Member], space: ParameterSpace) -> list[Member]:
     """The test members of whose run there is a training member too."""
     runs = [run for run in runs_of(members, space) if any(member.split == "train" for member in run)]

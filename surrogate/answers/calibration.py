@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
@@ -12,8 +11,8 @@ from numpy.typing import NDArray
 
 from catalogs.vocabulary import numbers
 from catalogs.vocabulary.words import one_line
+from surrogate.emulation.validation import SHARE, conformal_rank
 
-SHARE = 0.9  # of unseen pictures that intervals are to hold
 FEWEST, FEWEST_FITTED = 4, 20  # members that calibrate at all, and that more than a constant is fitted to
 AGREEMENT, CONSTANT, TREND = "agreement", "constant", "trend"  # what is expected by
 CLEARLY = 0.3  # of the error at members left out, by which others than agreement alone must lower it
@@ -94,9 +93,8 @@ class Calibration:
         """None for fewer than `FEWEST` members.
 
         Those left out decide whether agreement says nothing and, of `FEWEST_FITTED` members or more, whether there is a trend.
-        Members, not pictures, are drawn independently, so the quantile is that of conformal prediction over members (Lei et al.
-        2018, "Distribution-free predictive inference for regression", section 2.2), of residuals that a member's own pictures
-        did not calibrate.  Of fewer than nine members it is the greatest, which holds for M of M + 1.
+        Members, not pictures, are drawn independently, so the quantile is the `conformal_rank` over members, of residuals that a
+        member's own pictures did not calibrate.
         """
         members, views = unseen.truths.shape
         if members < FEWEST:
@@ -104,8 +102,7 @@ class Calibration:
         forms = (AGREEMENT, CONSTANT, TREND) if members >= FEWEST_FITTED else (AGREEMENT, CONSTANT)
         residuals = {form: _residuals(unseen, form) for form in forms}
         best = min(forms, key=lambda form: residuals[form].mean() / (1.0 if form == AGREEMENT else 1.0 - CLEARLY))
-        rank = min(math.ceil((members + 1) * SHARE - TINY), members)
-        half = float(np.sort(residuals[best].ravel())[rank * views - 1])
+        half = float(np.sort(residuals[best].ravel())[conformal_rank(members) * views - 1])
         promised = min(SHARE, members / (members + 1))
         return cls(Line.of(unseen, best), half, promised, members, float(residuals[best].mean()))
 

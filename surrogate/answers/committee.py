@@ -22,7 +22,7 @@ from surrogate.emulation.components import Components, products_of, without
 from surrogate.emulation.fitting import Members
 from surrogate.emulation.posterior import Posterior
 from surrogate.emulation.processes import Processes
-from surrogate.emulation.validation import FOLDS
+from surrogate.emulation.validation import folds_of
 from surrogate.evaluation.metrics import WHITE, composite
 from surrogate.model.field_model import FieldPoint
 from surrogate.ray_casting import SampledField, SurfaceCaster, VolumeCaster
@@ -163,13 +163,9 @@ def left_out(
     of components, the scale of values, the factor on standard deviations and the outline of moving holes are the emulator's.
     """
     members = Members.of(points, fields)
-    scaled = members.fields
-    if emulator.scale is not None:
-        scaled = np.stack([emulator.scale.places(values).astype(np.float32) for values in members.fields])
-    mean = scaled.mean(0, dtype=np.float64).astype(np.float32)  # [V]
-    differences = scaled - mean  # [M, V]
+    mean, differences = members.about_mean(emulator.scale)  # [V], [M, V]
     products = products_of(differences)
-    folds = np.random.default_rng(SEED).permutation(len(scaled)) % min(FOLDS, len(scaled))
+    folds = folds_of(len(differences))
     for fold in range(folds.max() + 1):
         learnt = np.flatnonzero(folds != fold)
         own = Components.of(without(products, learnt))

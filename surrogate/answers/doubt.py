@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
-import json
 import time
 from collections.abc import Mapping
 from contextlib import suppress
@@ -26,8 +24,8 @@ from surrogate.evaluation.novelty import SeenValues
 from surrogate.evaluation.scoring import Report
 from surrogate.model import Surrogate
 from surrogate.model.field_model import FieldPoint
-from surrogate.model.judged import judged
-from surrogate.model.representation import FIELD, FUNCTION, GAUSSIANS, VIEW, WORDS
+from surrogate.model.judged import judged, model_key
+from surrogate.model.representation import FIELD, GAUSSIANS, VIEW, WORDS
 from surrogate.splatting.threads import one_torch_thread
 from surrogate.storage.records import Provenance, Record
 
@@ -130,8 +128,9 @@ class Doubt:
         words, why = self.place(parameters, function)
         if words == NEVER:
             return Interval(words, why=why)
-        using = self.surrogate.drawn_by(parameters, under=function is not None)
-        calibration, used = self._calibration(self._kind(parameters, function), using)
+        kind = self.surrogate.kind(parameters, under=function is not None)
+        using = self.surrogate.representation(kind)
+        calibration, used = self._calibration(kind, using)
         if calibration is None:
             return Interval(words, why="too few members calibrate it: nobody can say how far off the picture is")
         agreement, point = self._agreement(parameters, camera, function, used), self._point(parameters, function)
@@ -188,12 +187,6 @@ class Doubt:
                 return calibration, u
         return None, using
 
-    def _kind(self, parameters: Mapping[str, Any], function: TransferFunction | None) -> str:
-        if function is not None:
-            return FUNCTION
-        kinds = (v.kind for v in self.surrogate.variations if not set(v.argument_names).isdisjoint(parameters))
-        return next(kinds, VIEW)
-
     def _point(self, parameters: Mapping[str, Any], function: TransferFunction | None) -> FieldPoint:
         assert self.surrogate.field is not None
         return self.surrogate.field.point(parameters, "allow", function)
@@ -208,9 +201,7 @@ class Doubt:
 
 def key_of(surrogate: Surrogate, catalog: Catalog) -> dict[str, Any]:
     """The key of a record: the model, the members, and how many of their pictures are looked at."""
-    members = [[m.name, dict(m.parameters), m.split, m.view_splits, m.appearances] for m in catalog.members]
-    digest = hashlib.sha256(json.dumps(members, sort_keys=True).encode()).hexdigest()
-    return {"surrogate": surrogate.digest, "members": digest, "views": unseen.VIEWS}
+    return {**model_key(surrogate, catalog.members), "views": unseen.VIEWS}
 
 
 def _read(values: Mapping[str, Any]) -> tuple[dict[str, Calibration], tuple[float, float]] | None:

@@ -12,6 +12,7 @@ from catalogs.vocabulary.words import one_line
 from surrogate.answers.targets import Target, smallest
 from surrogate.evaluation.metrics import WHITE, composite
 from surrogate.model import Surrogate
+from surrogate.randomness import sobol_points
 
 SCAN_SIDE, FIT_SIDE = 64, 128  # pixels along the longer side
 FEW, MANY = 32, 512  # points scanned, for up to two parameters and for more
@@ -19,7 +20,6 @@ STARTS = 4
 STEPS = 10
 DIFFERENCE = 0.02  # central differences to either side, where a range is 2: smaller ones see single Gaussians vanish
 DAMPING, LEAST_GAIN = 1e-3, 1e-3
-SEED = 0
 
 Array = NDArray[np.float64]
 Residuals = Callable[[Array], Array]  # of points (B, P) in [-1, 1], (B, N)
@@ -69,10 +69,8 @@ def best_fits(surrogate: Surrogate, targets: Sequence[Target], background: Seque
 
 def scanned(residuals: Residuals, parameters: int, batch: int = 32) -> Array:
     """Sobol points (N, P), those with the least residuals first."""
-    from scipy.stats import qmc
-
     count = FEW if parameters <= 2 else MANY
-    points = 2.0 * qmc.Sobol(parameters, rng=np.random.default_rng(SEED)).random(count) - 1.0
+    points = sobol_points(count, parameters)
     costs = np.concatenate([(residuals(points[i : i + batch]) ** 2).mean(1) for i in range(0, count, batch)])
     return np.asarray(points[costs.argsort(kind="stable")])
 
@@ -85,8 +83,9 @@ def fitted(residuals: Residuals, start: Array) -> Fit:
     for _ in range(STEPS):
         curvature, slope = jacobian.T @ jacobian, jacobian.T @ own
         scale = np.diag(curvature) + 1e-6 * np.trace(curvature) + 1e-12
-        tried = [np.clip(point - np.linalg.solve(curvature + d * np.diag(scale), slope), -1.0, 1.0) for d in
-                 (damping, 30.0 * damping, 1000.0 * damping)]  # fmt: skip
+        dampings = (damping, 30.0 * damping, 1000.0 * damping)
+        steps = [np.linalg.solve(curvature + d * np.diag(scale), slope) for d in dampings]
+        tried = [np.clip(point - step, -1.0, 1.0) for step in steps]
         others = residuals(np.stack(tried))
         costs = (others**2).mean(1)
         best, before = int(costs.argmin()), float((own**2).mean())

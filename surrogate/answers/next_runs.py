@@ -12,12 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catalogs.store.catalog import Catalog, Member
-from catalogs.store.splits import runs_of
+from catalogs.store.splits import run_numbers
 from catalogs.vocabulary.parameters import ParameterSpace
 from catalogs.vocabulary.words import joined_names, one_line, plural
 from surrogate.emulation.emulator import FieldEmulator
 from surrogate.emulation.fields import EmulatedFields
 from surrogate.emulation.learning_curve import Gain, LearningCurve, TooFew
+from surrogate.randomness import sobol_points
 
 CANDIDATES = 1024
 MOST = 256  # suggestions
@@ -127,7 +128,9 @@ def next_runs(
         raise ValueError(f"{catalog.path} has no parameters, over which further runs could differ")
     named = {m.name: {n: float(m.parameters[n]) for n in space.names} for m in catalog.members}
     existing = np.reshape([list(at.values()) for at in named.values()], (-1, len(space)))  # [M, P]
-    candidates = catalog.plan.space.denormalize(_evenly(len(space), seed))  # [C, P], even as the plan means it
+    candidates = catalog.plan.space.denormalize(
+        sobol_points(CANDIDATES, len(space), seed)
+    )  # [C, P], even as the plan means it
     name, emulator = next(iter(fields.items())) if fields else ("", None)
     points, possible = space.normalize(existing), space.normalize(candidates)
     if emulator is None:
@@ -147,13 +150,6 @@ def mean_lengths(emulator: FieldEmulator) -> NDArray[np.float64]:
         return np.ones(processes.points.shape[1])
     logarithms = np.log(processes.lengths[processes.groups])  # [K, P]
     return np.asarray(0.5 * np.exp(weights @ logarithms / weights.sum()))  # normalized parameters span 2
-
-
-def _evenly(dimensions: int, seed: int) -> NDArray[np.float64]:
-    """Sobol points (C, P) in [-1, 1]."""
-    from scipy.stats import qmc
-
-    return np.asarray(2.0 * qmc.Sobol(dimensions, seed=seed).random(CANDIDATES) - 1.0)
 
 
 def best_points(
@@ -199,8 +195,7 @@ def _curve(
     """The learning curve of a field of members, or the reason why there is none."""
     points = space.normalize([[m.parameters[p] for p in space.names] for m in learnt])
     fields = [coarse.values for m in learnt if (coarse := m.coarse_field(name)) is not None]
-    run_of = {m.name: number for number, run in enumerate(runs_of(learnt, space)) for m in run}
     try:
-        return LearningCurve.of(points, np.stack(fields), emulator.scale, runs=[run_of[m.name] for m in learnt]), ""
+        return LearningCurve.of(points, np.stack(fields), emulator.scale, runs=run_numbers(learnt, space)), ""
     except TooFew as error:
         return None, str(error)

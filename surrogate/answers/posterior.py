@@ -22,8 +22,10 @@ from scipy.stats import truncnorm
 from catalogs.store.catalog import Catalog
 from catalogs.vocabulary import numbers
 from surrogate.answers.doubt import key_of
-from surrogate.answers.inverse import Fit, best_fits, residuals_of
+from surrogate.answers.inverse import SCAN_SIDE, Fit, best_fits, residuals_of
 from surrogate.answers.targets import Target, smallest, stored_target
+from surrogate.answers.unseen import untested_views
+from surrogate.emulation.validation import NORMAL, SHARE, conformal_rank
 from surrogate.evaluation.scoring import spread
 from surrogate.model import Surrogate
 from surrogate.model.judged import judged
@@ -31,8 +33,6 @@ from surrogate.storage.records import Provenance, Record
 
 FILE = Path("answers") / "inverse-{}.json"
 RECORD, VERSION = "inverse", 1
-SHARE = 0.9
-QUANTILE = 1.6448536269514722  # of the normal distribution, 90 % two-sided
 WIDE = 0.4  # of the range: an interval wider than that does not identify a parameter
 FOREIGN = 2.0  # times the largest residual of validation members
 MOST, FEWEST = 8, 4  # validation members
@@ -163,7 +163,7 @@ def solved(
     weights = np.full(len(samples), 1.0 / len(samples))
     # Checked by pictures at some of the samples: weights are the likelihood over the normal approximation's.
     chosen = np.random.default_rng(0).choice(len(samples), CHECKED, replace=False)
-    costs = (residuals_of(surrogate, smallest(targets, 64), background)(samples[chosen]) ** 2).mean(1)
+    costs = (residuals_of(surrogate, smallest(targets, SCAN_SIDE), background)(samples[chosen]) ** 2).mean(1)
     away = samples[chosen][None] - np.stack([fit.point for fit in fits])[:, None]  # [K, C, P]
     expected = np.array([f.cost for f in fits])[:, None] + np.einsum(
         "kcp,kpq,kcq->kc", away, np.stack([f.curvature for f in fits]), away
@@ -250,14 +250,14 @@ def measure(surrogate: Surrogate, catalog: Catalog, pictures: int) -> InverseCal
     needed, residuals = [], []
     for number in spread(len(unseen), MOST):
         member = unseen[number]
-        views = [view for view, split in enumerate(member.view_splits) if split != "test"]
+        views = untested_views(member)
         first = number % len(views)  # another view of each member
         chosen = [views[(first + step) % len(views)] for step in spread(len(views), pictures)]
         targets = [stored_target(catalog, member.name, view) for view in chosen]
         fit = best_fits(fair, targets, catalog.plan.background)[0]
         truth = fair.space.normalize(fair.space.values(member.parameters, outside="allow"))
         variances = np.diag(np.linalg.inv(fit.curvature + RIDGE * np.eye(len(truth))))
-        needed += list((fit.point - truth) ** 2 / variances / QUANTILE**2)
+        needed += list((fit.point - truth) ** 2 / variances / NORMAL**2)
         residuals.append(math.sqrt(fit.cost))
-    rank = min(math.ceil((len(needed) + 1) * SHARE), len(needed))
-    return InverseCalibration(float(np.sort(needed)[rank - 1]), max(residuals), len(residuals))
+    factor = float(np.sort(needed)[conformal_rank(len(needed)) - 1])
+    return InverseCalibration(factor, max(residuals), len(residuals))

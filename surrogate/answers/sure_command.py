@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from pathlib import Path
 
 import click
 
 from catalogs.commands import one_line_errors
 from catalogs.files import durable
-from surrogate.command_line import RUNS, SCENE, OpenRun, load_surrogate
+from surrogate.command_line import RUNS, SCENE, OpenRun, assignment, load_surrogate
 
 
 @click.command("sure")
@@ -33,7 +34,8 @@ def sure(scene: Path, runs: Path, named: tuple[str, ...], view: int, output: Pat
         cameras = catalog.plan.cameras or catalog.members[0].cameras
         if view >= len(cameras):
             raise ValueError(f"--view must be below {len(cameras)}, the number of stored cameras, got {view}")
-        parameters = parameters_of(named)
+        names = [*surrogate.space.names, *surrogate.visualization_names]
+        parameters = parameters_of(named, names)
         surrogate.at(parameters, outside="allow")  # complains before anything is measured
         doubt = Doubt.of(surrogate, catalog, opened.folder)
         interval = doubt.interval(parameters, cameras[view])
@@ -44,12 +46,12 @@ def sure(scene: Path, runs: Path, named: tuple[str, ...], view: int, output: Pat
         click.echo(f"-> {output}", err=as_json)
 
 
-def parameters_of(named: tuple[str, ...]) -> dict[str, float | str]:
-    """Values by name of arguments NAME=VALUE; raises ValueError for another form."""
+def parameters_of(named: tuple[str, ...], names: Sequence[str]) -> dict[str, float | str]:
+    """Values by name of arguments NAME=VALUE, for parameters of some `names`; raises ValueError for another form."""
     values: dict[str, float | str] = {}
     for argument in named:
-        name, equals, text = argument.partition("=")
-        if not (name and equals and text):
+        name, text = assignment(argument, names)
+        if not (name and text):
             raise ValueError(f"-p takes NAME=VALUE, got {argument!r}")
         try:
             values[name] = float(text)

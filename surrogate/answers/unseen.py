@@ -48,7 +48,7 @@ class Shown:
     @property
     def views(self) -> list[int]:
         """Some of the member's that are not for testing."""
-        numbers = [view for view, split in enumerate(self.member.view_splits) if split != "test"]
+        numbers = untested_views(self.member)
         return [numbers[i] for i in spread(len(numbers), VIEWS)]
 
 
@@ -70,6 +70,11 @@ class UnseenPicture:
     truth: float
     point: tuple[float, ...]
     open_share: float = 0.0
+
+
+def untested_views(member: Member) -> list[int]:
+    """The numbers of a member's views that are not for testing."""
+    return [view for view, split in enumerate(member.view_splits) if split != "test"]
 
 
 def cases_of(model: FieldModel, members: Sequence[Member]) -> Iterator[Shown]:

@@ -75,6 +75,14 @@ class Members:
         distances = np.stack([_distances(h.reshape(shape)) for h in holes]) if moving else None
         return cls(places, filled, shape, solid if solid.any() else None, distances)
 
+    def about_mean(self, scale: ValueScale | None) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        """The mean (V,) of the members' values, in their unit or on a scale, and what each differs by (M, V)."""
+        scaled = self.fields
+        if scale is not None:
+            scaled = np.stack([scale.places(values).astype(np.float32) for values in self.fields])
+        mean = scaled.mean(0, dtype=np.float64).astype(np.float32)
+        return mean, scaled - mean
+
 
 def fit(members: Members, scale: ValueScale | None) -> dict[str, Any]:
     """The fitted parts of an emulator, by the names of its fields."""
@@ -102,11 +110,7 @@ class _Fit:
 
     @classmethod
     def of(cls, members: Members, scale: ValueScale | None) -> _Fit:
-        scaled = members.fields
-        if scale is not None:
-            scaled = np.stack([scale.places(values).astype(np.float32) for values in members.fields])
-        mean = scaled.mean(0, dtype=np.float64).astype(np.float32)
-        differences = scaled - mean
+        mean, differences = members.about_mean(scale)
         products = products_of(differences)
         components = Components.of(products)
         processes = Processes.fit(members.points, components.coefficients)

@@ -77,10 +77,8 @@ class LearningCurve:
         if count < FEWEST_MEASURED:
             raise TooFew(f"a learning curve takes {FEWEST_MEASURED} members or more, got {count}")
         members = Members.of(points, fields)
-        values = members.fields if members.solid is None else members.fields[:, ~members.solid]  # [M, V]
-        if scale is not None:
-            values = np.stack([scale.places(row).astype(np.float32) for row in values])
-        products = products_of(values - values.mean(0, dtype=np.float64).astype(np.float32))
+        _, differences = members.about_mean(scale)
+        products = products_of(differences if members.solid is None else differences[:, ~members.solid])
         random, groups = np.random.default_rng(seed), np.arange(count) if runs is None else np.asarray(runs)
         wanted = np.repeat([max(FEWEST, round(share * count)) for share in SHARES], REPEATS)  # [S]
         decibels, sizes = np.full((len(wanted), count), np.nan), np.zeros(len(wanted), int)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -46,7 +47,7 @@ class LeftOut:
     def of(cls, points: Array, products: Array, processes: Processes, count: int) -> LeftOut:
         """For points (M, P) and inner products (M, M); `processes` of all members are where fits start from."""
         members = len(points)
-        folds = np.random.default_rng(SEED).permutation(members) % min(FOLDS, members)  # [M]
+        folds = folds_of(members)
         remainders, deviations = np.eye(members), np.zeros((members, count))
         combined = np.zeros((folds.max() + 1, count, members))
         for fold, components in enumerate(combined):
@@ -111,10 +112,24 @@ class LeftOut:
                 spread = np.sqrt(((numbers[2:] - numbers[1]) ** 2).mean(0))
                 off = np.abs(numbers[1] - numbers[0])
                 ratios[member] = np.divide(off, spread, out=np.zeros_like(off), where=spread > 0.0)
-        rank = min(int(np.ceil((members + 1) * SHARE - TINY)), members)
+        rank = conformal_rank(members)
         ordered = np.sort(ratios[:, :-1].reshape(-1, len(NUMBERS)), axis=0), np.sort(ratios[:, -1], axis=0)
         factors = np.maximum(ordered[0][rank * len(mean) - 1], ordered[1][rank - 1]) / NORMAL
         return {name: float(f) if f > 0.0 else 1.0 for name, f in zip(NUMBERS, factors, strict=True)}
+
+
+def folds_of(members: int) -> NDArray[np.int64]:
+    """The tenth (M,) that each member is left out with."""
+    return np.random.default_rng(SEED).permutation(members) % min(FOLDS, members)
+
+
+def conformal_rank(count: int) -> int:
+    """The rank among `count` residuals of the one that nine in ten further ones are not above.
+
+    Lei et al. 2018, "Distribution-free predictive inference for regression", section 2.2.  Of fewer than nine it is the
+    greatest, which holds for n of n + 1.
+    """
+    return min(math.ceil((count + 1) * SHARE - TINY), count)
 
 
 def predicted_by(

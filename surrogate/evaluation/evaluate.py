@@ -130,8 +130,8 @@ class Evaluation:
 @one_torch_thread()
 def evaluate(surrogate: Surrogate, catalog: Catalog, *, progress: Report = lambda *_: None) -> Evaluation:
     """Score `surrogate` on the test and validation images of `catalog`."""
-    unseeing = judged(surrogate, catalog)
-    engine = _Engine(surrogate, unseeing, catalog, progress, PerceptualMetrics.load(), DecodedImages(catalog))
+    as_judged = judged(surrogate, catalog)
+    engine = _Engine(surrogate, as_judged, catalog, progress, PerceptualMetrics.load(), DecodedImages(catalog))
     appearance = str(surrogate.training["appearance"])
     cells, watched = base_cells(catalog, appearance), base_validation(catalog, appearance)
     validated, unseen = sample_of(watched), {row: columns["unseen_parameters"] for row, columns in cells.items()}
@@ -159,7 +159,7 @@ class _Engine:
     """Scores the surrogate and its baselines on groups of images of one catalog."""
 
     surrogate: Surrogate
-    unseeing: Surrogate  # the same before it learnt from validation members
+    as_judged: Surrogate  # the same before it learnt from validation members
     catalog: Catalog
     progress: Report
     perceptual: PerceptualMetrics
@@ -168,7 +168,8 @@ class _Engine:
     def predictor(self, using: str = "", **more: Any) -> SurrogatePredictor:
         """The surrogate at members' parameters, which may lie outside the bounds, drawn by a representation or the best."""
         ats = [
-            partial((one.using(using) if using else one).at, outside="allow") for one in (self.surrogate, self.unseeing)
+            partial((one.using(using) if using else one).at, outside="allow")
+            for one in (self.surrogate, self.as_judged)
         ]
         return SurrogatePredictor(ats[0], self.catalog.plan.background, at_validation=ats[1], **more)
 

@@ -11,12 +11,12 @@ import numpy as np
 from catalogs.store.members import Member
 from surrogate.emulation import EmulatedField, EmulatedFields, FieldEmulator
 from surrogate.emulation.measures import NUMBERS, SHARE, Measured
+from surrogate.emulation.validation import NORMAL
 from surrogate.evaluation.cases import PARAMETERS
 from surrogate.evaluation.scoring import spread
 
 PLACES, SEED = 4_000, 0
 MOST_MEMBERS = 60
-NORMAL = 1.6448536269514722  # half the width of a 90 % interval in standard deviations
 VALUES = "values"
 
 

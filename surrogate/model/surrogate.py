@@ -108,12 +108,14 @@ class Surrogate:
         chosen = self.only or self.scores.better(kind)
         return chosen if chosen in self.representations else self.representations[0]
 
-    def drawn_by(self, parameters: Iterable[str], *, under: bool = False) -> str:
-        """The one of `representations` that draws where `at` gets parameters of these names, or `under` a transfer function."""
-        if under:
-            return self.representation(FUNCTION)
+    def kind(self, parameters: Iterable[str], *, under: bool = False) -> str:
+        """The kind of question that `at` with parameters of these names is, or `under` a transfer function."""
         kinds = (v.kind for v in self.variations if not set(v.argument_names).isdisjoint(parameters))
-        return self.representation(next(kinds, VIEW))
+        return FUNCTION if under else next(kinds, VIEW)
+
+    def drawn_by(self, parameters: Iterable[str], *, under: bool = False) -> str:
+        """The one of `representations` that draws such a question."""
+        return self.representation(self.kind(parameters, under=under))
 
     def at(
         self, values: Mapping[str, Any] | None = None, /, *, outside: Any = "warn", **parameters: float | str
@@ -142,8 +144,8 @@ class Surrogate:
     ) -> MemberModel:
         """The ensemble at simulation `parameters`, and `values` as in `at`, under any transfer function, in opacity and colour.
 
-        What no training function showed is a guess.  Raises ValueError where the surrogate
-        knows no field values (it then learnt colours, or transfer functions by their displacements), or as `at` does.
+        What no training function showed is a guess.  Raises ValueError where the surrogate knows no field values (it then learnt
+        colours, or transfer functions by their displacements), or as `at` does.
         """
         return self._at(self._place(self._named(values, parameters), outside, transfer_function), outside)
 
@@ -377,9 +379,8 @@ class Surrogate:
         return stored_form(self)
 
     def _following(self) -> str:
-        variations = self.variations
-        kinds = [v.name for v in variations if v.continuous]
-        others = [s.appearance for v in variations if not v.continuous for s in v.settings]
+        kinds = [v.name for v in self.variations if v.continuous]
+        others = [s.appearance for v in self.variations if not v.continuous for s in v.settings]
         following = f"any {' and '.join(kinds)}, " if kinds else ""
         return following + (f"also as {', '.join(others)}, " if others else "")
 

@@ -41,7 +41,7 @@ def growing(run: RunFolder) -> RunFolder | None:
     inner = RunFolder(folder, replace(record, catalog=path_between(folder, run.catalog_path)))
     if inner.record != record and inner.record is not None:  # the catalog was moved
         inner.record.save(folder)
-    if Surrogate.exists(run.model) and Surrogate.load(run.model).training.get("fingerprint") == record.fingerprint:
+    if Surrogate.exists(run.model) and _mark(run.model) == record.fingerprint:
         take_place(run, inner)
         return None
     return inner

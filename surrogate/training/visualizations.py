@@ -30,7 +30,7 @@ from surrogate.training.stages import Stage, canonical_stage, shared_of, simulat
 
 SIMULATION_FACTOR = 0.1  # of the rates of the simulation deformation's copy that is tuned in stage 3
 REFINEMENT_FACTOR = 0.3  # of all rates where Gaussians that carry values learn from more transfer functions
-BEGUN_FACTOR = 0.2  # of all rates where Gaussians start on emulated surfaces: at full ones they forget them
+BEGUN_FACTOR = 0.2  # of all rates where Gaussians start on emulated surfaces: at full ones validation images got worse
 STILL = 0.03  # of stage 3, for which Gaussians of its own do not move yet; without it half of them may die at once
 
 

@@ -182,10 +182,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--views", type=int, default=4, help="test views of each test member and appearance")
     parser.add_argument("--write", action="store_true", help="write the table into docs/answers.md")
     options = parser.parse_args(arguments)
-    rows = []
+    rows, words = [], " ".join(map(str, options.runs))
     for run in map(Run.open, options.runs):
         rows += [row_of(run.title, kind, found) for kind, found in pictures_of(run, options.views).items()]
-    body = f"{table(HEADER, rows)}\n{made_by('answers.doubt RUN')}"
+    body = f"{table(HEADER, rows)}\n<sub>{made_by(f'answers.doubt {words} --views {options.views}')}</sub>"
     print(body)
     if options.write:
         fill(DOCS / "answers.md", "doubt", body)

@@ -75,7 +75,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
         assert run.catalog is not None
         for pictures in options.pictures:
             rows += rows_of(run.title, run.surrogate, run.catalog, pictures)
-    body = f"{table(HEADER, rows)}\n{made_by('answers.inverse RUN')}"
+    words = " ".join(map(str, (*options.runs, "--pictures", *options.pictures)))
+    body = f"{table(HEADER, rows)}\n<sub>{made_by(f'answers.inverse {words}')}</sub>"
     print(body)
     if options.write:
         fill(DOCS / "answers.md", "inverse", body)

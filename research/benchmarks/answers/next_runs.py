@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catalogs.store.catalog import Catalog
-from catalogs.store.splits import runs_of
+from catalogs.store.splits import run_numbers
 from catalogs.vocabulary.appearance import field_of
 from catalogs.vocabulary.scene import Scene
 from research.benchmarks.page import DOCS, command_line, fill, made_by, stopwatch, table
@@ -43,13 +43,10 @@ class Fields:
     def of(cls, catalog: Catalog, splits: Sequence[str]) -> Fields:
         """Of the members of some splits, the field that the first appearance shows."""
         space, name = catalog.plan.space.with_logarithms(), field_of(catalog.plan.appearances[0])
-        pairs = [(m, m.coarse_field(name)) for m in catalog.members if m.split in splits]
-        rows = [[m.parameters[n] for n in space.names] for m, coarse in pairs if coarse is not None]
-        values = [coarse.values for _, coarse in pairs if coarse is not None]
-        run_of = {m.name: number for number, run in enumerate(runs_of([m for m, _ in pairs], space)) for m in run}
-        return cls(
-            space.normalize(rows), np.stack(values), np.array([run_of[m.name] for m, c in pairs if c is not None])
-        )
+        members = [m for m in catalog.members if m.split in splits and name in m.coarse_names()]
+        rows = [[m.parameters[n] for n in space.names] for m in members]
+        values = [coarse.values for m in members if (coarse := m.coarse_field(name)) is not None]
+        return cls(space.normalize(rows), np.stack(values), np.array(run_numbers(members, space)))
 
     def drawn(self, random: np.random.Generator) -> NDArray[np.int64]:
         """The members in random order, those of a run together."""

@@ -11,6 +11,7 @@ from typing import Any
 
 from catalogs.vocabulary.cameras import Camera
 from catalogs.vocabulary.variations import APPEARANCE, POINT_PARAMETERS
+from surrogate.command_line import assignment
 from surrogate.evaluation.metrics import WHITE
 from surrogate.explore.exporting.exports import (
     CommandRequest,
@@ -144,10 +145,7 @@ def _axis(run: Run, name: str, steps: int, *ends: float | None) -> Axis:
 
 def _assignment(text: str, names: Sequence[str]) -> tuple[str, float | str]:
     """Name and value; one of `names` may hold a "=" or begin with a space."""
-    length = max((len(name) for name in names if text.startswith(f"{name}=")), default=-1)
-    name, _, value = (part.strip() for part in text.partition("="))
-    if length >= 0:
-        name, value = text[:length], text[length + 1 :].strip()
+    name, value = assignment(text, names)
     try:
         return name, float(value)
     except ValueError:

@@ -6,9 +6,7 @@ never looked at.
 
 from __future__ import annotations
 
-import hashlib
 import itertools
-import json
 import math
 import time
 from collections.abc import Iterator, Mapping, Sequence
@@ -25,7 +23,7 @@ from surrogate.explore.reliability.points import appearances_of, base_name
 from surrogate.explore.run import Run
 from surrogate.explore.setting import Setting
 from surrogate.model import MemberModel, Surrogate
-from surrogate.model.judged import judged
+from surrogate.model.judged import judged, model_key
 from surrogate.storage.records import Provenance, Record
 
 FILE = Path("explore") / "expectation.json"
@@ -98,10 +96,8 @@ def kept_measurements(run: Run) -> tuple[Measurement, ...] | None:
 
 def key_of(run: Run) -> dict[str, Any]:
     """The key of measurements: the model, the members, and which of their images are looked at."""
-    members = [[m.name, dict(m.parameters), m.split, m.view_splits, m.appearances] for m in run.members]
     return {
-        "surrogate": run.surrogate.digest,
-        "members": hashlib.sha256(json.dumps(members, sort_keys=True).encode()).hexdigest(),
+        **model_key(run.surrogate, run.members),
         "views": VIEWS,
         "cases": [MOST_VALIDATION, MOST_TRAINING, MOST_VARIED],
     }
