@@ -80,6 +80,10 @@ class Committee:
         holes = emulator.holes(point.simulation)
         return Opinions(tuple(self._caster(replace(posterior, coefficients=c), holes, point) for c in coefficients))
 
+    def own(self, point: FieldPoint) -> VolumeCaster | SurfaceCaster:
+        """The field that its emulator expects there, ready to be drawn."""
+        return self._caster(self.emulator.posterior(point.simulation), self.emulator.holes(point.simulation), point)
+
     def _caster(
         self, posterior: Posterior, holes: NDArray[np.bool_] | None, point: FieldPoint
     ) -> VolumeCaster | SurfaceCaster:

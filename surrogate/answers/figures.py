@@ -24,6 +24,11 @@ def save_next_runs(suggested: NextRuns, path: Path) -> None:
     left, right = figure.subplots(1, 2)
     _curve(suggested, left)
     _plane(suggested, right)
+    save(figure, path)
+
+
+def save(figure: Any, path: Path) -> None:
+    """Write a figure in the format that the path's suffix names; raises ValueError for one that matplotlib can't write."""
     picture = io.BytesIO()
     figure.savefig(picture, format=path.suffix.removeprefix(".") or "png", dpi=RESOLUTION)
     durable.replace(path, picture.getvalue())

@@ -54,21 +54,26 @@ class Target:
         if longest <= side:
             return self
         width, height = (max(1, round(n * side / longest)) for n in (self.camera.width, self.camera.height))
-        channels = [_averaged(self.picture[..., c], width, height) for c in range(3)]
+        channels = [averaged(self.picture[..., c], width, height) for c in range(3)]
         mask = None
         if self.mask is not None:
-            shares = _averaged(self.mask.astype(np.float32), width, height)
+            shares = averaged(self.mask.astype(np.float32), width, height)
             mask = shares >= min(0.5, float(shares.max()))
         return Target(np.stack(channels, axis=-1), self.camera.resized(width, height), mask)
 
     def region(self, box: tuple[int, int, int, int]) -> Target:
         """The same where only pixels from (x0, y0) to before (x1, y1) count."""
-        x0, y0, x1, y1 = box
-        if not (0 <= x0 < x1 <= self.camera.width and 0 <= y0 < y1 <= self.camera.height):
-            raise ValueError(f"a region x0,y0,x1,y1 must lie in {self.camera.width} x {self.camera.height}, got {box}")
         mask = np.zeros((self.camera.height, self.camera.width), bool)
-        mask[y0:y1, x0:x1] = True
+        mask[inside(box, self.camera)] = True
         return replace(self, mask=mask)
+
+
+def inside(box: tuple[int, int, int, int], camera: Camera) -> tuple[slice, slice]:
+    """Rows and columns of the pixels from (x0, y0) to before (x1, y1); raises ValueError where a picture has not all of them."""
+    x0, y0, x1, y1 = box
+    if not (0 <= x0 < x1 <= camera.width and 0 <= y0 < y1 <= camera.height):
+        raise ValueError(f"a region x0,y0,x1,y1 must lie in {camera.width} x {camera.height}, got {box}")
+    return slice(y0, y1), slice(x0, x1)
 
 
 def stored_target(catalog: Catalog, member: str, view: int, appearance: str | None = None) -> Target:
@@ -109,5 +114,6 @@ def smallest(targets: Sequence[Target], side: int) -> list[Target]:
     return [target.resized(side) for target in targets]
 
 
-def _averaged(values: NDArray[np.float32], width: int, height: int) -> NDArray[np.float32]:
+def averaged(values: NDArray[np.float32], width: int, height: int) -> NDArray[np.float32]:
+    """One channel (H, W) on fewer pixels."""
     return np.asarray(Image.fromarray(values).resize((width, height), Image.Resampling.BOX), dtype=np.float32)

@@ -1,0 +1,50 @@
+"""A run of three parameters, of which one changes much, one less and one nothing."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+import insitu
+from catalogs.store.catalog import Catalog
+from catalogs.vocabulary.appearance import VolumeRendering
+from catalogs.vocabulary.scene import ViewPlan
+from surrogate.model import Surrogate
+from surrogate.settings import TrainingSettings
+from surrogate.storage.checkpoints import fingerprint
+from surrogate.storage.runs import RunRecord
+from surrogate.training.run import train
+from tests.support.hooked import FUNCTION
+from tests.support.three_parameters import SPACE, SPACING, shown
+
+SETTINGS = TrainingSettings(
+    gaussians=60, canonical_steps=2, deformation_steps=4, visualization_steps=4, fit_to_need=False
+)
+
+
+@pytest.fixture(scope="session")
+def three(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Its folder: a catalog beside Gaussians and an emulated field."""
+    folder = tmp_path_factory.mktemp("run")
+    views = ViewPlan(frequency=1, width=32, height=32)
+    appearance = VolumeRendering("dvr", FUNCTION)
+    with insitu.Session(folder / "catalog.cdb", space=SPACE, appearances=[appearance], views=views) as session:
+        for split, rows in (("train", SPACE.latin_hypercube(24, 0)), ("validation", SPACE.latin_hypercube(2, 1))):
+            for row in rows:
+                parameters = dict(zip(SPACE.names, map(float, row), strict=True))
+                session.render_member(shown(**parameters), parameters, spacing=SPACING, split=split)
+    catalog = Catalog.open(folder / "catalog.cdb")
+    train(SETTINGS, catalog, folder / "surrogate")
+    RunRecord("catalog.cdb", SETTINGS.to_json(), catalog.splits, fingerprint(SETTINGS, catalog)).save(folder)
+    return folder
+
+
+@pytest.fixture(scope="session")
+def surrogate_of_three(three: Path) -> Surrogate:
+    return Surrogate.load(three / "surrogate")
+
+
+@pytest.fixture(scope="session")
+def catalog_of_three(three: Path) -> Catalog:
+    return Catalog.open(three / "catalog.cdb")
