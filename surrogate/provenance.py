@@ -95,11 +95,14 @@ def _statements(*also: str) -> dict[str, str]:
     packages = {*PACKAGES, *(name.partition(".")[0] for name in also)}
     ours = re.compile(rf"\s*(from|import) ({'|'.join(sorted(packages))})\b")
     statements: dict[str, str] = {}
+    files: dict[str, Path | None] = {}
     left = [*MEASURING, *also]
     while left:
         name = left.pop()
-        path = _file(name) if name.partition(".")[0] in packages else None
-        if name in statements or path is None:
+        if name in files or name.partition(".")[0] not in packages:
+            continue
+        files[name] = path = _file(name)
+        if path is None:
             continue
         tree = ast.parse(path.read_bytes())
         left += [name.rpartition(".")[0], *_imported(tree)]
@@ -110,7 +113,7 @@ def _statements(*also: str) -> dict[str, str]:
 
 def _imported(tree: ast.Module) -> Iterator[str]:
     """Names that may be modules, of all imports anywhere in a module; this project has no relative ones."""
-    for node in ast.walk(tree):
+    for node in _blocks(tree):
         if isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names)
         elif isinstance(node, ast.ImportFrom) and node.module:
@@ -118,10 +121,20 @@ def _imported(tree: ast.Module) -> Iterator[str]:
 
 
 def _without_docstrings(tree: ast.Module) -> ast.Module:
-    for node in ast.walk(tree):
+    for node in _blocks(tree):
         if isinstance(node, DOCUMENTED) and ast.get_docstring(node, clean=False) is not None:
             node.body[0] = ast.Pass()
     return tree
+
+
+def _blocks(tree: ast.Module) -> Iterator[ast.AST]:
+    """A module, and every statement anywhere in it; expressions, nine of ten nodes, hold neither imports nor docstrings."""
+    left: list[ast.AST] = [tree]
+    while left:
+        node = left.pop()
+        yield node
+        for part in ("body", "orelse", "finalbody", "handlers", "cases"):
+            left += getattr(node, part, ())
 
 
 def _file(name: str) -> Path | None:
@@ -133,6 +146,7 @@ def _file(name: str) -> Path | None:
     return next((file for file in (path.with_suffix(".py"), path / "__init__.py") if file.is_file()), None)
 
 
+@functools.cache
 def _folder(package: str) -> Path:
     """The folder of a package of this project."""
     spec = importlib.util.find_spec(package)

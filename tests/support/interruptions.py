@@ -25,7 +25,7 @@ settings, catalog, folder = TrainingSettings.from_table(json.loads(sys.argv[1]))
 random.seed(1)
 kills = 0
 while not Surrogate.exists(folder):
-    seconds = random.uniform(0.001, 0.05 + 0.04 * kills)
+    seconds = random.uniform(0.001, 0.03 + 0.015 * kills)
     child = os.fork()
     if not child:
         signal.setitimer(signal.ITIMER_PROF, seconds)

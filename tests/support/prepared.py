@@ -21,6 +21,7 @@ IMPORTED = (
     "surrogate.explore.run",
     "surrogate.explore.server.terminal",
     "surrogate.training.run",
+    "tests.support.marked",
     "tests.support.prepared",
 )
 CONTEXT = multiprocessing.get_context("forkserver")
