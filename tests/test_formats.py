@@ -17,6 +17,8 @@ from insitu.cli import main as insitu
 from surrogate.cli import main as surrogate
 from tests.support.format_writers import ORIGIN, PLACES, PRINTED, WIDTHS, WRITERS, axes, values
 
+pytestmark = pytest.mark.usefixtures("prepared_workers")
+
 SPLITS = ("train", "train", "train", "validation", "test", "train")
 SCENE = """
 name = "formats"

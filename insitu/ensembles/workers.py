@@ -23,6 +23,7 @@ from catalogs.plugins import PluginWarning
 
 KILLED = "its worker process was killed, twice; if memory ran out, take fewer workers"
 GRACE_SECONDS = 10.0
+SPAWNED = multiprocessing.get_context("spawn")  # OpenGL does not survive a fork
 
 
 @dataclass(frozen=True)
@@ -66,7 +67,6 @@ class WorkerPool:
 
     def __init__(self, count: int) -> None:
         self._count = count
-        self._context = multiprocessing.get_context("spawn")  # OpenGL does not survive a fork
         self._before = {p.pid for p in multiprocessing.active_children()}
         self._executor: Any = None
         self._queue: Any = None
@@ -138,9 +138,9 @@ class WorkerPool:
                 return
 
     def _start(self) -> None:
-        self._queue, self._stop = self._context.Queue(), self._context.Event()
+        self._queue, self._stop = SPAWNED.Queue(), SPAWNED.Event()
         self._executor = ProcessPoolExecutor(
-            self._count, mp_context=self._context, initializer=_start_worker, initargs=(self._queue, self._stop)
+            self._count, mp_context=SPAWNED, initializer=_start_worker, initargs=(self._queue, self._stop)
         )
 
     def _end(self, *, at_once: bool) -> None:

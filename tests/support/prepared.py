@@ -1,4 +1,5 @@
-"""Programs in processes forked from one that has imported torch and the commands, since a new interpreter takes seconds for that.
+"""Programs, and workers of ensembles, in processes forked from one that has imported torch, VTK, xarray and the commands, since
+a new interpreter takes seconds for that.
 
 What they are forked from has no thread and nothing of the tests, so that they begin like new interpreters.
 """
@@ -6,34 +7,61 @@ What they are forked from has no thread and nothing of the tests, so that they b
 from __future__ import annotations
 
 import atexit
-import multiprocessing
 import os
 import signal
 import subprocess
 import sys
 from multiprocessing.connection import Connection
+from multiprocessing.context import ForkServerContext, ForkServerProcess
 from pathlib import Path
 
 PROJECT = Path(__file__).resolve().parents[2]
 IMPORTED = (
     "aiohttp",
+    "h5netcdf",
+    "insitu.ensembles.files",
+    "insitu.ensembles.tasks",
+    "render.isosurface",
+    "render.quality",
+    "render.volume",
     "surrogate.cli",
     "surrogate.explore.run",
     "surrogate.explore.server.terminal",
     "surrogate.training.run",
     "tests.support.marked",
     "tests.support.prepared",
+    "vtkmodules.vtkRenderingVolumeOpenGL2",
+    "xarray",
 )
-CONTEXT = multiprocessing.get_context("forkserver")
+
+
+class _Process(ForkServerProcess):
+    """A process with its parent's environment when it starts, not with that of the one that all are forked from."""
+
+    def start(self) -> None:
+        self._environment = dict(os.environ)
+        super().start()
+
+    def run(self) -> None:
+        os.environ.clear()
+        os.environ.update(self._environment)
+        super().run()
+
+
+class _Context(ForkServerContext):
+    Process = _Process
+
+
+CONTEXT = _Context()
+CONTEXT.set_forkserver_preload(list(IMPORTED))
 
 
 class Program:
     """As `subprocess.Popen([sys.executable, "-c", program, *arguments], cwd=PROJECT, text=True)` whose output is read here."""
 
     def __init__(self, program: str, *arguments: object) -> None:
-        CONTEXT.set_forkserver_preload(list(IMPORTED))
         (out, theirs), (errors, their_errors) = CONTEXT.Pipe(duplex=False), CONTEXT.Pipe(duplex=False)
-        given = (program, ["-c", *map(str, arguments)], dict(os.environ), theirs, their_errors)
+        given = (program, ["-c", *map(str, arguments)], theirs, their_errors)
         self._process = CONTEXT.Process(target=_run, args=given, daemon=True)
         self._process.start()
         self.stdout, self.stderr = (os.fdopen(os.dup(line.fileno()), encoding="utf-8") for line in (out, errors))
@@ -87,13 +115,11 @@ def run(program: str, *arguments: object, timeout: float = 300.0) -> tuple[int, 
         running.close()
 
 
-def _run(program: str, arguments: list[str], environment: dict[str, str], out: Connection, errors: Connection) -> None:
+def _run(program: str, arguments: list[str], out: Connection, errors: Connection) -> None:
     for line, descriptor in ((out, 1), (errors, 2)):
         os.dup2(line.fileno(), descriptor)
         line.close()
     os.chdir(PROJECT)
-    os.environ.clear()
-    os.environ.update(environment)
     sys.argv = arguments
     try:
         exec(compile(program, "<string>", "exec"), {"__name__": "__main__"})

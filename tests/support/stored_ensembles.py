@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 
 from catalogs.store.catalog import Catalog
+from tests.support import prepared
 from tests.support.blobs import Blobs, stored
 
 MakeCatalog = Callable[..., Catalog]
@@ -28,3 +29,9 @@ def make_catalog(tmp_path: Path) -> MakeCatalog:
 def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
     """For tests of a report's words and numbers: its figures are made but not drawn, which takes seconds."""
     monkeypatch.setattr("matplotlib.figure.Figure.savefig", lambda _, path, **__: Path(path).write_bytes(b"undrawn"))
+
+
+@pytest.fixture
+def prepared_workers(monkeypatch: pytest.MonkeyPatch) -> None:
+    """For tests of what an ensemble renders: its workers are forked; how they start and end is tested where they are not."""
+    monkeypatch.setattr("insitu.ensembles.workers.SPAWNED", prepared.CONTEXT)

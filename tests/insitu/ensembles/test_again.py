@@ -10,6 +10,8 @@ from catalogs.store.catalog import Catalog
 from insitu.cli import main
 from tests.support.looks import LOOK
 
+pytestmark = pytest.mark.usefixtures("prepared_workers")
+
 
 def ensemble(*arguments: str) -> Result:
     return CliRunner().invoke(main, ["ensemble", *arguments, "--workers", "1"])

@@ -18,6 +18,8 @@ from insitu.cli import main
 from tests.support.hooked import tree
 from tests.support.looks import LOOK
 
+pytestmark = pytest.mark.usefixtures("prepared_workers")
+
 HOW = ["--spacing", "1", "1", "1", "--bounds", "Re", "0", "4", "--appearance", "look.toml", "--size", "8"]
 
 

@@ -14,6 +14,8 @@ from insitu.cli import main
 from tests.support.looks import LOOK
 from tests.support.run_files import write
 
+pytestmark = pytest.mark.usefixtures("prepared_workers")
+
 
 def ensemble(folder: Path, *sources: str) -> Result:
     (folder / "look.toml").write_text(LOOK)

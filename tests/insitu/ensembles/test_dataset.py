@@ -23,6 +23,8 @@ from insitu.ensembles.sources import ensemble_of
 from insitu.simulations import simulation
 from tests.support.scenes import REYNOLDS, SIMULATED, scene
 
+pytestmark = pytest.mark.usefixtures("prepared_workers")
+
 PROJECT = Path(__file__).resolve().parents[3]
 
 APPEARANCE = """

@@ -27,6 +27,8 @@ from insitu.readers.tables import match_files, read_table
 from tests.support.executors import AtOnce
 from tests.support.hooked import FUNCTION, SPACING, blob
 
+pytestmark = pytest.mark.usefixtures("prepared_workers")
+
 VOLUME = VolumeRendering("dvr", FUNCTION)
 NAMED = VolumeRendering("dvr", FUNCTION, field="f")
 VIEWS = ViewPlan(frequency=1, width=12, height=12)

@@ -25,6 +25,8 @@ from insitu.readers.stored import StoredEnsemble
 from tests.support.hooked import blob, speed, tree
 from tests.support.scenes import scene
 
+pytestmark = pytest.mark.usefixtures("prepared_workers")
+
 PROJECT = Path(__file__).resolve().parents[3]
 
 

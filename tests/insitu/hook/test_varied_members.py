@@ -27,6 +27,8 @@ from insitu.members.planning import Pilot, PlanOptions, measure_pilot, plan_cata
 from tests.support.hooked import blob, tree
 from tests.support.scenes import REYNOLDS, SIMULATED, scene
 
+pytestmark = pytest.mark.usefixtures("prepared_workers")
+
 FUNCTION = TransferFunction(
     ((0.0, 0.0, 0.0, 1.0), (1.0, 1.0, 0.0, 0.0)), ((0.0, 0.0), (0.3, 0.2), (0.6, 0.5), (1.0, 1.0)), 0.3
 )
