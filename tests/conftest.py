@@ -35,16 +35,17 @@ def pytest_collection_finish() -> None:
     gc.freeze()
 
 
-SLOW = 20  # a slow test takes about as long as so many others
+SECONDS, SLOW_SECONDS = 0.05, 1.0  # that a test takes, and a slow one that does not say: `slow(seconds=30)`
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """Put files that take long before the others where several processes share them, so that all end at about one time."""
     if not hasattr(config, "workerinput"):
         return
-    lasting: dict[Path, int] = defaultdict(int)
+    lasting: dict[Path, float] = defaultdict(float)
     for item in items:
-        lasting[item.path] += SLOW if item.get_closest_marker("slow") else 1
+        slow = item.get_closest_marker("slow")
+        lasting[item.path] += slow.kwargs.get("seconds", SLOW_SECONDS) if slow else SECONDS
     items.sort(key=lambda item: (-lasting[item.path], item.path))
 
 

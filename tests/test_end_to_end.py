@@ -54,7 +54,7 @@ def interrupt_when(process: subprocess.Popen[str], ready: Path, pattern: str, se
     assert "Traceback" not in output, output
 
 
-@pytest.mark.slow
+@pytest.mark.slow(seconds=40)
 @pytest.mark.timeout(600)
 def test_from_simulation_to_report(tmp_path: Path) -> None:
     runs, folder = tmp_path / "runs", tmp_path / "runs" / "tiny"

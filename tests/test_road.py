@@ -81,7 +81,7 @@ def running(command: str, installed: Path, place: Path) -> Iterator[str]:
         process.wait()
 
 
-@pytest.mark.slow
+@pytest.mark.slow(seconds=30)
 @pytest.mark.timeout(600)
 def test_from_a_loop_of_ones_own_to_the_explorer(installed: Path, place: Path, page: Page) -> None:
     (loop, in_python), (commands,) = blocks("python"), blocks("sh")

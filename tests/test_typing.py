@@ -56,7 +56,7 @@ follow_imports = normal
 """
 
 
-@pytest.mark.slow
+@pytest.mark.slow(seconds=10)
 def test_a_strict_program_has_no_error_and_its_results_have_types(installed: Path, tmp_path: Path) -> None:
     (tmp_path / "program.py").write_text(PROGRAM)
     (tmp_path / "mypy.ini").write_text(OURS_AND_NUMPY)

@@ -23,7 +23,7 @@ def _decibels(emulator: FieldEmulator, points: NDArray[np.float64], fields: NDAr
     return float(-10.0 * np.log10(np.array(errors)).mean())
 
 
-@pytest.mark.slow
+@pytest.mark.slow(seconds=10)
 def test_more_members_gain_what_was_expected() -> None:
     """Beside emulators that are fitted to 24 and to 48 members, over several draws of them."""
     unseen = _ensemble(60, 99)

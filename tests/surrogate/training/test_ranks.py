@@ -250,7 +250,7 @@ def test_a_budget_in_minutes_leads_all_to_the_same_settings(catalog: Catalog, tm
     assert json.loads((tmp_path / "run" / "run.json").read_text())["settings"] == settings
 
 
-@pytest.mark.slow
+@pytest.mark.slow(seconds=10)
 def test_torchrun_trains_from_the_command_line_and_tells_once(catalog: Catalog, tmp_path: Path) -> None:
     require_gloo()
     asked = ["train", str(catalog.path), "--steps", "30", "-o", str(tmp_path / "run"), "gaussians=30", "batch=2"]

@@ -315,7 +315,7 @@ def camera(step: int) -> dict[str, Any]:
     return {**requests.CAMERA, "position": [3.0 + math.cos(step), math.sin(step), 0.5 + step % 7 / 7]}
 
 
-@pytest.mark.slow
+@pytest.mark.slow(seconds=15)
 def test_thousands_of_frames_take_no_memory(run_folder: Path) -> None:
     from tests.support.explorer_process import address_in, installed
 
