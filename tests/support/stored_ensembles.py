@@ -32,6 +32,10 @@ def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.fixture
-def prepared_workers(monkeypatch: pytest.MonkeyPatch) -> None:
-    """For tests of what an ensemble renders: its workers are forked; how they start and end is tested where they are not."""
-    monkeypatch.setattr("insitu.ensembles.workers.SPAWNED", prepared.CONTEXT)
+def prepared_workers(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
+    """For tests of what an ensemble renders: its workers are forked; how they start and end is tested where they are not.
+
+    The few that are not slow would not pay for the process to fork from.
+    """
+    if request.node.get_closest_marker("slow"):
+        monkeypatch.setattr("insitu.ensembles.workers.SPAWNED", prepared.CONTEXT)

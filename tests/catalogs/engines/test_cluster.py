@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Iterable, Iterator
 from functools import partial
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -16,8 +17,10 @@ from catalogs.engines.engine import EngineError
 from tests.support import dask_tasks
 from tests.support.local_cluster import SETTINGS, LocalCluster, local_cluster
 
-pytest.importorskip("distributed", reason="Dask is not installed: pip install gs-surrogate[dask]")
-pytestmark = pytest.mark.slow
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(not find_spec("distributed"), reason="Dask is not installed: pip install gs-surrogate[dask]"),
+]
 
 
 @pytest.fixture(scope="module")

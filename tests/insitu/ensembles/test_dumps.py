@@ -27,6 +27,8 @@ from insitu.fields.field import Field
 from insitu.members.planning import PlanOptions
 from tests.support.executors import AtOnce
 
+pytestmark = pytest.mark.usefixtures("prepared_workers")
+
 SPACE = ParameterSpace((Parameter("w", 0.0, 3.0), Parameter("t", 0.0, 4.0)))
 VOLUME = VolumeRendering(
     "dvr", TransferFunction(((0.0, 0.0, 0.0, 1.0), (1.0, 1.0, 0.0, 0.0)), ((0.2, 0.0), (1.0, 0.6)), 0.3)

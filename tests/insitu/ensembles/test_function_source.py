@@ -22,6 +22,8 @@ from insitu.ensembles.sources import ensemble_of
 from insitu.fields.field import Field
 from tests.support.scenes import scene
 
+pytestmark = pytest.mark.usefixtures("prepared_workers")
+
 HOOKED = """
 name = "ball"
 [source]

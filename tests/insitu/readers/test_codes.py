@@ -17,6 +17,8 @@ from insitu.readers.codes import OURS, listed_readers, reader_named, reader_of
 from tests.support.documented import documented_code
 from tests.support.foreign_packages import install
 
+pytestmark = pytest.mark.usefixtures("prepared_workers")
+
 
 def test_every_reader_is_found_by_name_and_listed() -> None:
     assert len({reader.name for reader in OURS}) == len(OURS)

@@ -22,6 +22,8 @@ from insitu.readers.states import dumps_below, table_of_files, with_states
 from tests.support.damage import damaged, read_or_refused
 from tests.support.openpmd_files import field, write_openpmd
 
+pytestmark = pytest.mark.usefixtures("prepared_workers")
+
 
 def written(folder: Path, values: Any = None, number: int = 100, **about: Any) -> Path:
     return write_openpmd(folder / "a.h5", {number: {"rho": {"values": field() if values is None else values, **about}}})

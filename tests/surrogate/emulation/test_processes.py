@@ -5,8 +5,6 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from sklearn.gaussian_process import GaussianProcessRegressor
-from sklearn.gaussian_process.kernels import ConstantKernel, Matern
 
 from surrogate.emulation import processes
 from surrogate.emulation.processes import Processes
@@ -21,6 +19,9 @@ def some_processes(count: int = 24, coefficients: int = 5) -> Processes:
 
 
 def test_means_and_deviations_are_those_of_scikit_learn() -> None:
+    from sklearn.gaussian_process import GaussianProcessRegressor
+    from sklearn.gaussian_process.kernels import ConstantKernel, Matern
+
     fitted, points = some_processes(), some_points(7, 3, seed=9)
     means, deviations = fitted.predict(points)
     for k, group in enumerate(fitted.groups):

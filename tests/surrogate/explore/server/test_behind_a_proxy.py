@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
+from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING
 from urllib.error import HTTPError
@@ -23,10 +24,11 @@ from tests.support.jupyter import PREFIX, TOKEN, jupyter, login
 if TYPE_CHECKING:
     from playwright.sync_api import Page
 
-pytest.importorskip("jupyter_server_proxy", reason="there is no proxy to stand behind")
 pytest.importorskip("aiohttp", reason="the extra [explore] is not installed")
-
-pytestmark = pytest.mark.slow
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(not find_spec("jupyter_server_proxy"), reason="there is no proxy to stand behind"),
+]
 HUB = "hub.localhost"  # which browsers find on this machine
 
 
