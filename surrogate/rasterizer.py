@@ -29,12 +29,14 @@ class Rasterizer:
     constants : in normalized units.
     backend : that draws.
     samples, surface_samples : along each side of a pixel, see `surrogate.splatting.samples`; the second on lit surfaces.
+    edges : True for gradients that hold what passes the alpha floor, see `surrogate.splatting.draw`; training has none of it.
     """
 
     constants: Constants = field(default_factory=Constants)
     backend: str = AUTO
     samples: int = 1
     surface_samples: int = 1
+    edges: bool = False
 
     @classmethod
     def of(cls, settings: TrainingSettings) -> Rasterizer:
@@ -94,7 +96,10 @@ class Rasterizer:
     ) -> Tensor:
         """The same of `gaussians`, `projected` to the coordinates of `camera`."""
         samples = self._samples_of(gaussians)
-        picture = draw_over(projected, finer(camera, samples), background, self.constants, backend=self.backend)
+        options: dict[str, Any] = {"edges": True} if self.edges and not projected.means.is_cuda else {}
+        picture = draw_over(
+            projected, finer(camera, samples), background, self.constants, backend=self.backend, **options
+        )
         return averaged(picture, samples)
 
     def _samples_of(self, gaussians: Gaussians) -> int:

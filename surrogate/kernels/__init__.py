@@ -8,7 +8,7 @@ copied); the same input gives bitwise the same output for any number of threads.
             -> Drawing, with its picture (H, W, 4): colours over the background, and alpha
             gaussians: means, scales, quats, opacities, colors; intrinsics: fx, fy, cx, cy; size: width, height; constants:
             those of `surrogate.splatting.Constants`, in its order
-    backward(drawing, gradient, threads)
+    backward(drawing, gradient, threads, edges=False)
             -> gradients by means, scales, quats, opacities, colors
     image_loss(image, target, ssim_weight, threads, instruction_set="")
             -> mean absolute difference, mean SSIM, gradient of difference - ssim_weight SSIM by image (H, W, C)

@@ -192,7 +192,7 @@ class Surrogate:
         return draw_all(places, views, size, self._member, colour, side_by_side=side_by_side)
 
     def differentiable(
-        self, device: str | torch.device = "cpu", *, dtype: torch.dtype = torch.float32
+        self, device: str | torch.device = "cpu", *, dtype: torch.dtype = torch.float32, edges: bool = True
     ) -> DifferentiableSurrogate | DifferentiableField | DifferentiableChoice:
         """A torch module whose pictures, those of `at`, have gradients by parameters and more.
 
@@ -203,24 +203,24 @@ class Surrogate:
         ----------
         device : "cpu", whose gradients are those of the C++ kernels, or "cuda", of gsplat, which draws Gaussians alone.
         dtype : float32, or float64, which plain torch draws: slow, and the definition.
+        edges : False for those of single pixels, up to a quarter too small over a picture, see docs/python.md; so are gsplat's.
 
-        Raises as `to`, and ValueError for other types, or an emulated field on "cuda".  The numbers are copies: this surrogate
-        never changes.
+        Raises as `to`, and ValueError for other types, or an emulated field on "cuda".  The numbers are copies.
         """
         if dtype not in (torch.float32, torch.float64):
             raise ValueError(f"dtype must be torch.float32 or torch.float64, got {dtype}")
         drawn_by = {self.representation(kind) for kind in KINDS}
         if self.field is None or drawn_by == {GAUSSIANS}:
-            return self._differentiable_gaussians(device, dtype)
+            return self._differentiable_gaussians(device, dtype, edges)
         if torch.device(device).type != "cpu":
             raise ValueError(f'an emulated field is drawn on "cpu", not on {str(device)!r}: take `using("gaussians")`')
         field = DifferentiableField(self.field, dtype)
         if drawn_by == {FIELD}:
             return field
-        return DifferentiableChoice(self._differentiable_gaussians(device, dtype), field, self.drawn_by)
+        return DifferentiableChoice(self._differentiable_gaussians(device, dtype, edges), field, self.drawn_by)
 
-    def _differentiable_gaussians(self, device: str | torch.device, dtype: torch.dtype) -> DifferentiableSurrogate:
-        moved, rasterizer = self.to(device), self.rasterizer.for_any_device()
+    def _differentiable_gaussians(self, device: Any, dtype: torch.dtype, edges: bool) -> DifferentiableSurrogate:
+        moved, rasterizer = self.to(device), replace(self.rasterizer.for_any_device(), edges=edges)
         return DifferentiableSurrogate(
             moved.gaussians.to(dtype),
             moved.deformation.to(dtype),

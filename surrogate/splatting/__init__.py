@@ -62,7 +62,8 @@ def draw(
         differences), "reference" or "auto". The reference is plain torch in the dtype of the means: slow, but it
         defines the result. "auto" is "cuda" for tensors on a GPU, otherwise "cpu".
     depth : also return the depth of the centres along the camera's axis, in world units, composited like a colour.
-    options : `threads` and `instruction_set` of cpu.
+    options : `threads` and `instruction_set` of cpu; `edges` of cpu and reference, True for gradients that hold what
+        passes the alpha floor, which those of single pixels do not.
     """
     chosen = _backend(backend, primitives.means)
     rendering = chosen.render(primitives, camera, constants, **options)

@@ -20,8 +20,8 @@ from surrogate.splatting.threads import cores
 def render(primitives: Primitives, camera: Camera, constants: Constants, **options: Any) -> Rendering:
     """Render Gaussians in float32.
 
-    The options are `threads`, by default all available cores, and `instruction_set`, by default the best of
-    `kernels.instruction_sets()`.
+    The options are `threads`, by default all available cores, `instruction_set`, by default the best of
+    `kernels.instruction_sets()`, and `edges`.
 
     Raises ValueError naming the Gaussian and the attribute where a number is not finite.
     """
@@ -45,6 +45,7 @@ class _View:
     background: tuple[float, ...]
     threads: int | None = None
     instruction_set: str = ""
+    edges: bool = False
 
 
 class _Splat(torch.autograd.Function):
@@ -60,7 +61,7 @@ class _Splat(torch.autograd.Function):
 
     @staticmethod
     def backward(ctx: Any, *gradients: Tensor) -> tuple[Tensor | None, ...]:
-        arrays = kernels.backward(ctx.drawing, _array(gradients[0]), ctx.threads)
+        arrays = kernels.backward(ctx.drawing, _array(gradients[0]), ctx.threads, ctx.view.edges)
         return *(torch.from_numpy(a).to(t.dtype) for a, t in zip(arrays, ctx.saved_tensors, strict=True)), None
 
 

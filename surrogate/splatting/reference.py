@@ -29,6 +29,7 @@ from catalogs.vocabulary.words import one_line
 from surrogate.splatting.rendering import Constants, Primitives, Rendering
 
 PIXELS_AT_ONCE = 2048
+NARROWEST = 0.125  # floors: the width of an edge's band, so that few pixels do not stand for all
 
 
 class Splats(NamedTuple):
@@ -44,11 +45,11 @@ class Splats(NamedTuple):
         return one_line(self)
 
 
-def render(primitives: Primitives, camera: Camera, constants: Constants) -> Rendering:
-    """Render Gaussians in the dtype of their means."""
+def render(primitives: Primitives, camera: Camera, constants: Constants, *, edges: bool = False) -> Rendering:
+    """Render Gaussians in the dtype of their means; gradients hold what passes the alpha floor with `edges`."""
     splats = project(primitives, camera, constants)
     parts = [
-        composite(alphas_at(pixels, splats, constants), splats.colors)
+        composite(alphas_at(pixels, splats, constants, edges=edges), splats.colors)
         for pixels in pixel_centers(camera).to(primitives.means).split(PIXELS_AT_ONCE)
     ]
     image = torch.cat(parts).reshape(camera.height, camera.width, 4)  # [H, W, 4]
@@ -95,9 +96,18 @@ def rotations(quats: Tensor) -> Tensor:
     return torch.stack([torch.stack(row, dim=1) for row in rows], dim=1)
 
 
-def alphas_at(pixels: Tensor, splats: Splats, constants: Constants) -> Tensor:
-    """Alpha of each splat at each of P pixel centres (P, 2), in px: (P, M), zero where it is not drawn."""
+def alphas_at(pixels: Tensor, splats: Splats, constants: Constants, *, edges: bool = False) -> Tensor:
+    """Alpha of each splat at each of P pixel centres (P, 2), in px: (P, M), zero where it is not drawn.
+
+    A pixel jumps where the edge of a Gaussian, at the alpha floor, passes it.  With `edges` gradients have these jumps.  They are
+    extrapolated from alphas between the floor and twice the floor, or the peak where that is lower.
+    """
     alphas = densities_at(pixels, splats)  # [P, M]
+    if edges:
+        floor = constants.alpha_floor
+        widths = (splats.opacities.detach().clamp(max=2.0 * floor) - floor).clamp(min=NARROWEST * floor)  # [M]
+        parts = (4.0 - 6.0 * (alphas.detach() - floor) / widths) * (alphas <= 2.0 * floor)  # [P, M]
+        alphas = alphas + floor / widths * parts * (alphas - alphas.detach())
     alphas = torch.where(alphas >= constants.alpha_floor, alphas.clamp(max=constants.alpha_cap), 0.0)
     return torch.where(transmittances(alphas) >= constants.min_transmittance, alphas, 0.0)
 

@@ -97,7 +97,7 @@ std::unique_ptr<BoundDrawing> forward(Five arrays, Matrix world_to_camera, std::
     return bound;
 }
 
-std::vector<Output> backward(const BoundDrawing& bound, Input gradient, int threads) {
+std::vector<Output> backward(const BoundDrawing& bound, Input gradient, int threads, bool edges) {
     const View& view = bound.drawing->view;
     require_shape(gradient, "gradient", {size_t(view.height), size_t(view.width), 4});
     const size_t count = bound.gaussians[0].shape(0);
@@ -105,7 +105,7 @@ std::vector<Output> backward(const BoundDrawing& bound, Input gradient, int thre
     for (int k = 0; k < 5; ++k) out.push_back(new_array(shape_for(k, count)));
     const GaussianGradients gradients{out[0].data(), out[1].data(), out[2].data(), out[3].data(), out[4].data()};
     nb::gil_scoped_release released;
-    bound.drawing->backward(gradient.data(), threads, gradients);
+    bound.drawing->backward(gradient.data(), threads, gradients, edges);
     return out;
 }
 
@@ -302,7 +302,7 @@ NB_MODULE(_kernels, m) {
     });
     m.def("forward", &forward, "gaussians"_a, "world_to_camera"_a, "intrinsics"_a, "size"_a, "constants"_a, "threads"_a,
           "instruction_set"_a = "", "background"_a = std::array<float, 3>{});
-    m.def("backward", &backward, "drawing"_a, "gradient"_a, "threads"_a);
+    m.def("backward", &backward, "drawing"_a, "gradient"_a, "threads"_a, "edges"_a = false);
     m.def("add_bilinear", &bound_add_bilinear, "factors"_a, "rows"_a, "threads"_a, "instruction_set"_a = "");
     m.def("bilinear_gradients", &bound_bilinear_gradients, "latents"_a, "modes"_a, "gradients"_a, "threads"_a,
           "instruction_set"_a = "");

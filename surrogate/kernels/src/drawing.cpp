@@ -177,15 +177,16 @@ void Drawing::list(int threads) {
     });
 }
 
-void Drawing::backward(const float* gradient, int threads, const GaussianGradients& out) {
+void Drawing::backward(const float* gradient, int threads, const GaussianGradients& out, bool edges) {
     const std::lock_guard<std::mutex> guard(in_backward_);
     Workspace& m = *memory_;
     const int64_t tiles = int64_t(tiling_.across) * tiling_.down, state = 4 * tiling_.width * tiling_.height;
     m.moments.resize(size_t(touches_) * kMoments);
+    const auto backward_tile = edges ? kernels_.backward_tile_with_edges : kernels_.backward_tile;
     parallel(tiles, threads, [&](int64_t tile) {
-        kernels_.backward_tile(m.splats.data(), m.entries.data() + m.starts[tile], int64_t(m.starts[tile + 1] - m.starts[tile]),
-                               view, int(tile % tiling_.across) * tiling_.width, int(tile / tiling_.across) * tiling_.height,
-                               m.states.data() + tile * state, gradient, m.moments.data());
+        backward_tile(m.splats.data(), m.entries.data() + m.starts[tile], int64_t(m.starts[tile + 1] - m.starts[tile]), view,
+                      int(tile % tiling_.across) * tiling_.width, int(tile / tiling_.across) * tiling_.height,
+                      m.states.data() + tile * state, gradient, m.moments.data());
     });
     parallel(portions_, threads, [&](int64_t task) {
         const Portion& portion = m.portions[task];

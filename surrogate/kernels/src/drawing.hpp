@@ -45,7 +45,7 @@ public:
     Drawing& operator=(const Drawing&) = delete;
 
     // Gradients, by the Gaussians, of a loss with this gradient by the picture; `out` must hold zeros.
-    void backward(const float* gradient, int threads, const GaussianGradients& out);
+    void backward(const float* gradient, int threads, const GaussianGradients& out, bool edges = false);
 
     int64_t drawn() const { return drawn_; }      // Gaussians that reach the picture
     int64_t touches() const { return touches_; }  // (Gaussian, tile) pairs

@@ -265,6 +265,9 @@ struct Kernels {
     // Moments of one tile's entries, each written to moments + slot * kMoments.
     void (*backward_tile)(const Splat*, const Entry*, int64_t count, const View&, int left, int top, const float* state,
                           const float* gradient, float* moments);
+    // The same with the derivative of what passes the alpha floor.
+    void (*backward_tile_with_edges)(const Splat*, const Entry*, int64_t count, const View&, int left, int top,
+                                     const float* state, const float* gradient, float* moments);
     // Chain rule of the projection for Gaussians [first, last), with their moments in slots begin[0] to begin[last - first].
     void (*project_backward)(const Gaussians&, const View&, int64_t first, int64_t last, const float* moments,
                              const uint32_t* begin, const GaussianGradients&);

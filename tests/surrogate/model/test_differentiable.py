@@ -70,7 +70,7 @@ def gradient(f: Callable[[Tensor], Tensor], at: Tensor) -> Tensor:
 @pytest.mark.parametrize("camera", VIEWS)
 @pytest.mark.parametrize("make", [plain, logarithmic])
 def test_gradients_by_parameters_are_finite_differences(make: Any, camera: Camera) -> None:
-    model = make().differentiable(dtype=F64).requires_grad_(False)
+    model = make().differentiable(dtype=F64, edges=False).requires_grad_(False)
     at = torch.tensor([1830.0, 0.9], dtype=F64)
     scale = torch.tensor([500.0, 1.0], dtype=F64)  # so that both have derivatives of about one size
 
@@ -84,7 +84,7 @@ def test_gradients_by_parameters_are_finite_differences(make: Any, camera: Camer
 
 @pytest.mark.parametrize("make", [plain, logarithmic])
 def test_second_derivatives_by_parameters_are_finite_differences(make: Any) -> None:
-    model = make().differentiable(dtype=F64).requires_grad_(False)
+    model = make().differentiable(dtype=F64, edges=False).requires_grad_(False)
     scale = torch.tensor([500.0, 1.0], dtype=F64)
     at = (torch.tensor([1830.0, 0.9], dtype=F64) / scale).requires_grad_()
 
@@ -103,7 +103,10 @@ def test_second_derivatives_by_parameters_are_finite_differences(make: Any) -> N
     "asked", [{"isovalue": 0.23}, {"c1_value": 0.05, "c1_opacity": 0.04, "c2_value": -0.07, "c2_opacity": 0.1}], ids=str
 )
 def test_gradients_by_visualization_parameters_are_finite_differences(asked: dict[str, float]) -> None:
-    model, camera = varied().differentiable(dtype=F64).requires_grad_(False), BLOBS.cameras()[3].resized(10, 10)
+    model, camera = (
+        varied().differentiable(dtype=F64, edges=False).requires_grad_(False),
+        BLOBS.cameras()[3].resized(10, 10),
+    )
     at = torch.tensor([0.3, *asked.values()], dtype=F64)
 
     def f(x: Tensor) -> Tensor:
@@ -124,7 +127,7 @@ def moved(pose: Tensor, motion: Tensor) -> Tensor:
 
 @pytest.mark.parametrize("camera", VIEWS)
 def test_gradients_by_the_pose_are_finite_differences(camera: Camera) -> None:
-    model = plain().differentiable(dtype=F64).requires_grad_(False)
+    model = plain().differentiable(dtype=F64, edges=False).requires_grad_(False)
     pose, parameters = torch.tensor(camera.world_to_camera), torch.tensor([1830.0, 0.9], dtype=F64)
     units = torch.tensor([1.0, 1.0, 1.0, EXTENT, EXTENT, EXTENT], dtype=F64)
 
@@ -141,7 +144,7 @@ def test_gradients_by_the_pose_are_finite_differences(camera: Camera) -> None:
 @pytest.mark.parametrize("camera", VIEWS)
 @pytest.mark.parametrize("name", ["means", "log_scales", "quats", "opacity_logits", "colors", "deformation_latents"])
 def test_gradients_by_gaussians_are_finite_differences(name: str, camera: Camera) -> None:
-    model, parameters = plain().differentiable(dtype=F64), torch.tensor([1830.0, 0.9], dtype=F64)
+    model, parameters = plain().differentiable(dtype=F64, edges=False), torch.tensor([1830.0, 0.9], dtype=F64)
     loss_of(model(parameters, camera)).backward()
     tensor = model.get_parameter(name)
     found = tensor.grad
@@ -163,10 +166,11 @@ def test_gradients_by_gaussians_are_finite_differences(name: str, camera: Camera
 
 @pytest.mark.parametrize("camera", VIEWS)
 @pytest.mark.parametrize("make", [plain, logarithmic])
-def test_the_kernels_gradients_are_those_of_the_twin(make: Any, camera: Camera) -> None:
+@pytest.mark.parametrize("edges", [True, False])
+def test_the_kernels_gradients_are_those_of_the_twin(make: Any, camera: Camera, edges: bool) -> None:
     results = []
     for dtype in (torch.float32, F64):
-        model = make().differentiable(dtype=dtype)
+        model = make().differentiable(dtype=dtype, edges=edges)
         parameters = torch.tensor([1830.0, 0.9], dtype=dtype, requires_grad=True)
         motion = torch.full((6,), 0.02, dtype=F64, requires_grad=True)
         pose = moved(torch.tensor(camera.world_to_camera), motion)
