@@ -13,7 +13,7 @@ from catalogs.vocabulary import numbers
 from catalogs.vocabulary.words import one_line
 from surrogate.emulation.validation import SHARE, conformal_rank
 
-FEWEST, FEWEST_FITTED = 4, 20  # members that calibrate at all, and that more than a constant is fitted to
+FEWEST, FEWEST_FITTED = 3, 20  # members that calibrate at all, and that more than a constant is fitted to
 AGREEMENT, CONSTANT, TREND = "agreement", "constant", "trend"  # what is expected by
 CLEARLY = 0.3  # of the error at members left out, by which others than agreement alone must lower it
 PENALTY = 1.0  # on squared weights, as of one member at the bounds

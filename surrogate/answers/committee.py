@@ -1,52 +1,31 @@
 """A committee of emulators of one field: draws of its posterior, and processes through the same runs with other covariances.
 
-Where its members' pictures differ, the runs do not settle what is seen.  All of it is computed on a coarse lattice and in small
-pictures, so that it takes milliseconds.
+All of it is computed on a coarse lattice.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.linalg import cho_solve, cholesky
 
 from catalogs.vocabulary.appearance import VolumeRendering
-from catalogs.vocabulary.cameras import Camera
 from catalogs.vocabulary.words import one_line
+from surrogate.answers.opinions import Opinions, ProcessOpinions
 from surrogate.emulation import FieldEmulator
 from surrogate.emulation.components import Components, products_of, without
 from surrogate.emulation.fitting import Members
 from surrogate.emulation.posterior import Posterior
 from surrogate.emulation.processes import Processes
 from surrogate.emulation.validation import folds_of
-from surrogate.evaluation.metrics import WHITE, composite
 from surrogate.model.field_model import FieldPoint
 from surrogate.ray_casting import SampledField, SurfaceCaster, VolumeCaster
 
-Array = NDArray[np.float64]
-
 SIDE = 32  # samples of a field along its longest side
-SMALLER = 4  # times: the sides of pictures
 COARSER = 4.0  # times: the distance of samples along rays
-DRAWS = 4  # of the posterior
-JITTER = 1e-8  # of the variance, for covariances of smooth processes
-SEED = 0
-
-
-def _exponential(squares: Array) -> Array:
-    return np.exp(-np.sqrt(squares))
-
-
-def _squared_exponential(squares: Array) -> Array:
-    return np.exp(-0.5 * squares)
-
-
-# Rougher and smoother than the emulator's own; Rasmussen & Williams 2006, chapter 4.2.
-COVARIANCES: tuple[Callable[[Array], Array], ...] = (_exponential, _squared_exponential)
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,23 +41,16 @@ class Committee:
         """The committee beside an emulator."""
         return cls(thinned(emulator))
 
-    def open_share(self, point: ArrayLike) -> float:
-        """The share of the ensemble's variance that the runs leave open at normalized parameters (P,), from 0 to 1."""
-        posterior, emulator = self.emulator.posterior(point), self.emulator
-        variance = float(emulator.processes.variances.sum()) * emulator.factor**2
-        return min(1.0, float((posterior.spreads**2).sum()) / variance) if variance > 0.0 else 0.0
+    @cached_property
+    def _processes(self) -> ProcessOpinions:
+        return ProcessOpinions(self.emulator.processes)
 
     def at(self, point: FieldPoint) -> Opinions:
-        """The fields that its members expect there."""
-        posterior, emulator = self.emulator.posterior(point.simulation), self.emulator
-        normal = np.random.default_rng(SEED).standard_normal((DRAWS, len(posterior.spreads)))
-        coefficients = [
-            posterior.coefficients,
-            *(posterior.coefficients + normal * posterior.spreads),
-            *(self._other(kind, point.simulation) for kind, _ in enumerate(COVARIANCES)),
-        ]
-        holes = emulator.holes(point.simulation)
-        return Opinions(tuple(self._caster(replace(posterior, coefficients=c), holes, point) for c in coefficients))
+        """The fields that its members expect there, first that of the emulator itself."""
+        posterior, holes = self.emulator.posterior(point.simulation), self.emulator.holes(point.simulation)
+        opinions = self._processes.coefficients(point.simulation, posterior.coefficients, posterior.spreads)
+        casters = [self._caster(replace(posterior, coefficients=c), holes, point) for c in opinions]
+        return Opinions(tuple(partial(caster.draw, threads=1) for caster in casters))
 
     def own(self, point: FieldPoint) -> VolumeCaster | SurfaceCaster:
         """The field that its emulator expects there, ready to be drawn."""
@@ -94,48 +66,6 @@ class Committee:
             return SurfaceCaster.of(field, point.appearance)
         distance = None if point.sample_distance is None else point.sample_distance * COARSER
         return VolumeCaster.of(field, point.appearance, sample_distance=distance)
-
-    @cached_property
-    def _weights(self) -> list[Array]:
-        """Those (M, K) of the processes' means, by covariance."""
-        own = self.emulator.processes
-        weights = [np.zeros_like(own.coefficients) for _ in COVARIANCES]
-        for covariance, each in zip(COVARIANCES, weights, strict=True):
-            for group, (lengths, noise) in enumerate(zip(own.lengths, own.noises, strict=True)):
-                matrix = covariance(_squares(own.points, own.points, lengths))
-                matrix[np.diag_indices_from(matrix)] += noise + JITTER
-                mine = own.groups == group
-                each[:, mine] = cho_solve((cholesky(matrix, lower=True), True), own.coefficients[:, mine])
-        return weights
-
-    def _other(self, kind: int, point: Array) -> Array:
-        """Coefficients (K,) by another covariance."""
-        own = self.emulator.processes
-        means = np.zeros(own.coefficients.shape[1])
-        for group, lengths in enumerate(own.lengths):
-            mine = own.groups == group
-            near = COVARIANCES[kind](_squares(point[None], own.points, lengths))[0]  # [M]
-            means[mine] = near @ self._weights[kind][:, mine]
-        return means
-
-
-@dataclass(frozen=True, eq=False)
-class Opinions:
-    """The fields of a committee at one point, ready to be drawn: first that of the emulator itself."""
-
-    casters: tuple[VolumeCaster | SurfaceCaster, ...]
-
-    __repr__ = one_line
-
-    def pictures(self, camera: Camera, background: Sequence[float] | None) -> NDArray[np.float32]:
-        """Small ones (N, H, W, 3), as displayed."""
-        small = camera.resized(max(camera.width // SMALLER, 1), max(camera.height // SMALLER, 1))
-        return np.stack([composite(caster.draw(small, threads=1), background or WHITE) for caster in self.casters])
-
-    def squares(self, camera: Camera, background: Sequence[float] | None) -> NDArray[np.float64]:
-        """The squared differences (H, W, 3) from the emulator's own small picture, mean over the others."""
-        own, *others = self.pictures(camera, background).astype(np.float64)
-        return np.mean([(other - own) ** 2 for other in others], axis=0)
 
 
 def thinned(emulator: FieldEmulator) -> FieldEmulator:
@@ -186,8 +116,3 @@ def left_out(
             ),
             np.flatnonzero(folds == fold),
         )
-
-
-def _squares(first: Array, second: Array, lengths: Array) -> Array:
-    """Squared distances (A, B) of points (A, P) and (B, P), in length scales."""
-    return (((first[:, None] - second[None]) / lengths) ** 2).sum(-1)

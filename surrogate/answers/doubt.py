@@ -6,6 +6,7 @@ import time
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import asdict, dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -13,24 +14,29 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catalogs.store.catalog import Catalog
-from catalogs.vocabulary import numbers
-from catalogs.vocabulary.appearance import TransferFunction, field_of
+from catalogs.vocabulary.appearance import TransferFunction, VolumeRendering, field_of
 from catalogs.vocabulary.cameras import Camera
 from surrogate.answers import unseen
 from surrogate.answers.calibration import Calibration
-from surrogate.answers.committee import Committee, Opinions
-from surrogate.evaluation.metrics import MOST_DECIBELS, WHITE, composite, decibels, psnr
+from surrogate.answers.committee import Committee
+from surrogate.answers.embeddings import Embeddings
+from surrogate.answers.opinions import Opinions, ProcessOpinions
+from surrogate.answers.views import Views
+from surrogate.evaluation.metrics import MOST_DECIBELS
 from surrogate.evaluation.novelty import SeenValues
 from surrogate.evaluation.scoring import Report
 from surrogate.model import Surrogate
 from surrogate.model.field_model import FieldPoint
-from surrogate.model.judged import judged, model_key
-from surrogate.model.representation import FIELD, GAUSSIANS, VIEW, WORDS
+from surrogate.model.judged import LEARNT, judged, model_key
+from surrogate.model.points import AnyPoint, BothPoints
+from surrogate.model.representation import FIELD, VIEW, WORDS
 from surrogate.splatting.threads import one_torch_thread
 from surrogate.storage.records import Provenance, Record
 
+Array = NDArray[np.float64]
+
 FILE = Path("answers") / "doubt.json"
-RECORD, VERSION = "doubt", 1
+RECORD, VERSION = "doubt", 2  # 1 knew no other embeddings
 NEW = 0.05  # of what a function shows: more that training never showed is never shown; see docs/explorer.md
 SLACK = 1.05  # of a share: emulators are stored in few bits
 LIKE, BETWEEN, FAR, NEVER = (
@@ -47,14 +53,14 @@ class Interval:
 
     Attributes
     ----------
-    words : `LIKE`, `BETWEEN`, `FAR` or `NEVER`.
+    words : `LIKE`, `BETWEEN`, `FAR` or `NEVER`; "" where nobody can say.
     psnr, low, high : dB; None where nobody can say.
     share : of such pictures whose PSNR is to lie between `low` and `high`.
     source : the members that calibrated it, in words; "" without numbers.
     why : a sentence where there are no numbers.
     """
 
-    words: str
+    words: str = ""
     psnr: float | None = None
     low: float | None = None
     high: float | None = None
@@ -63,32 +69,107 @@ class Interval:
     why: str = ""
 
     @property
+    def short(self) -> str:
+        """In a few words."""
+        if self.psnr is None:
+            return ": ".join(filter(None, [self.words, self.why]))
+        return f"{self.words}: PSNR {self.psnr:.1f} dB ({self.low:.1f} to {self.high:.1f})"
+
+    @property
     def sentence(self) -> str:
         """All of it for a reader."""
         if self.psnr is None or self.share is None:
-            return f"{self.words}: {self.why}"
+            return self.short
         within = f"{self.low:.1f} to {self.high:.1f} dB in {self.share:.0%} of such pictures"
         return f"{self.words}: PSNR {self.psnr:.1f} dB, {within} (calibrated by {self.source})"
 
+    @property
+    def warning(self) -> bool:
+        """True where a page should say more than a number."""
+        return self.psnr is None or self.words == FAR
+
     def to_json(self) -> dict[str, Any]:
-        """JSON values: the attributes and `sentence`."""
-        return asdict(self) | {"sentence": self.sentence}
+        """JSON values: the attributes, `short`, `sentence` and `warning`."""
+        return asdict(self) | {"short": self.short, "sentence": self.sentence, "warning": self.warning}
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class MemberDoubt:
+    """The doubt at parameters: `interval` says it of what a camera sees.
+
+    Attributes
+    ----------
+    words, why : as in `Interval`.
+    point : (P,) normalized parameters of the simulation.
+    using : the representation whose calibration this is.
+    """
+
+    doubt: Doubt
+    parameters: Mapping[str, Any]
+    function: TransferFunction | None
+    words: str
+    why: str
+    point: Array
+    using: str
+    calibration: Calibration | None
+    source: str = ""
+
+    def interval(self, camera: Camera) -> Interval:
+        """The PSNR to expect of the picture that `camera` sees."""
+        views = self.doubt.views
+        if self.words == NEVER or (views is not None and not views.cover(camera)):
+            return Interval(NEVER, why=self.why or "no stored image looks from there")
+        if self.calibration is None:
+            return Interval(self.words, why="too few members calibrate it: nobody can say how far off the picture is")
+        agreement = unseen.agreement_of(self.opinions, camera, self.doubt.background)
+        expected = min(float(self.calibration.line.expected(agreement, self.point)), MOST_DECIBELS)
+        low, high = expected - self.calibration.half, min(expected + self.calibration.half, MOST_DECIBELS)
+        return Interval(self.words, expected, max(low, 0.0), high, self.calibration.share, self.source)
+
+    @cached_property
+    def opinions(self) -> list[Opinions]:
+        """Those whose agreement was calibrated."""
+        if self.using != FIELD:
+            return self.by_gaussians
+        assert self.by_committee is not None
+        return [self.by_committee]
+
+    @cached_property
+    def by_gaussians(self) -> list[Opinions]:
+        """Of a picture by Gaussians; see `unseen.opinions_of_gaussians`."""
+        doubt = self.doubt
+        if not len(doubt.surrogate.gaussians):
+            return []
+        return unseen.opinions_of_gaussians(doubt.surrogate, doubt.embeddings, self.parameters, self.function)
+
+    @cached_property
+    def by_committee(self) -> Opinions | None:
+        """Of a picture of the emulated field; None without one."""
+        if self.doubt.surrogate.field is None:
+            return None
+        point = self.doubt.surrogate.field.point(self.parameters, "allow", self.function)
+        return self.doubt.committee(field_of(point.appearance)).at(point)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Doubt:
-    """The knowledge of a surrogate with an emulated field about its own errors.
+    """The knowledge of a surrogate about its own errors.
 
     Attributes
     ----------
     calibrations : by kind of question and representation, such as "view both".
-    shares : of the variance that runs leave open, the largest at a run itself, and the 95th percentile at runs that were left out.
+    processes : between the runs: those of the emulated field, else of the Gaussians' embedding.
+    embeddings : others than that of the Gaussians, where there are some.
+    seen_values : what training showed of the field; None where that is unknown.
+    views : the stored cameras.
     """
 
     surrogate: Surrogate
     calibrations: Mapping[str, Calibration]
-    shares: tuple[float, float]
+    processes: ProcessOpinions
+    embeddings: Embeddings | None = None
     seen_values: SeenValues | None = None
+    views: Views | None = None
     background: tuple[float, float, float] | None = None
     _committees: dict[str, Committee] = field(default_factory=dict)
 
@@ -98,25 +179,67 @@ class Doubt:
     ) -> Doubt:
         """The doubt of a run, as kept in its `folder`; else measured now, which takes about a minute, and kept there.
 
-        Raises ValueError for a surrogate without an emulated field, and where the catalog no longer keeps its members' fields.
+        Raises ValueError where too few runs are there to doubt with, and where the catalog no longer keeps its members' fields.
         """
-        if surrogate.field is None:
-            raise ValueError(
-                "this surrogate has no emulated field to doubt with: train it on a catalog with coarse fields"
-            )
-        key, started = key_of(surrogate, catalog), time.process_time()
-        record = None if folder is None else Record.load(folder / FILE, RECORD, VERSION, key)
-        read = None if record is None else _read(record.values)
-        if read is None:
-            values = _measured(surrogate, catalog, progress)
-            if folder is not None:
-                with suppress(OSError):  # a run that can only be read is measured anew each time
-                    provenance = Provenance.now(time.process_time() - started)
-                    Record(RECORD, VERSION, key, values, provenance).save(folder / FILE)
-            read = _read(values)
-            assert read is not None
-        values_shown = SeenValues.of_training(catalog, surrogate)
-        return cls(surrogate, *read, values_shown, catalog.plan.background)
+        return cls.stored(surrogate, catalog, folder) or cls._measured(surrogate, catalog, folder, progress)
+
+    @classmethod
+    def stored(cls, surrogate: Surrogate, catalog: Catalog, folder: Path | None) -> Doubt | None:
+        """The doubt that was measured before; None where that would have to be done.  Raises ValueError as `of` does."""
+        record = None if folder is None else Record.load(folder / FILE, RECORD, VERSION, key_of(surrogate, catalog))
+        if record is not None:
+            with suppress(KeyError, TypeError, ValueError, AttributeError):  # it is damaged, and measured anew
+                read = {name: Calibration.from_json(one) for name, one in record.values["calibrations"].items()}
+                return cls._with(surrogate, catalog, embeddings_of(surrogate, catalog), read)
+        return None
+
+    @classmethod
+    def _measured(cls, surrogate: Surrogate, catalog: Catalog, folder: Path | None, progress: Report) -> Doubt:
+        started, embeddings = time.process_time(), embeddings_of(surrogate, catalog)
+        own = cls._with(surrogate, catalog, embeddings, calibrations_of(surrogate, embeddings, catalog, progress))
+        if folder is not None:
+            with suppress(OSError):  # a run that can only be read is measured anew each time
+                values = {"calibrations": {name: one.to_json() for name, one in own.calibrations.items()}}
+                provenance = Provenance.now(time.process_time() - started)
+                Record(RECORD, VERSION, key_of(surrogate, catalog), values, provenance).save(folder / FILE)
+        return own
+
+    @classmethod
+    def _with(
+        cls,
+        surrogate: Surrogate,
+        catalog: Catalog,
+        embeddings: Embeddings | None,
+        calibrations: Mapping[str, Calibration],
+    ) -> Doubt:
+        if surrogate.field is not None:
+            name = field_of(surrogate.field.appearances[0])
+            processes = ProcessOpinions(surrogate.field.emulators[name].processes)
+        elif embeddings is not None:
+            processes = embeddings.opinions
+        else:
+            raise ValueError("nobody can say how sure this surrogate is: it learnt from fewer than four members")
+        cameras = catalog.plan.cameras or [camera for member in catalog.members for camera in member.cameras]
+        views = Views.of(cameras, np.mean(catalog.plan.bounds, axis=0))
+        values = SeenValues.of_training(catalog, surrogate)
+        return cls(surrogate, calibrations, processes, embeddings, values, views, catalog.plan.background)
+
+    def at(
+        self, parameters: Mapping[str, Any], function: TransferFunction | None = None, using: str = ""
+    ) -> MemberDoubt:
+        """The doubt of what `surrogate.at(parameters)`, or `under` a `function`, shows, by a representation other than its own.
+
+        Raises ValueError as `Surrogate.at` does.
+        """
+        words, why, point = self._place(parameters, function)
+        kind = self.surrogate.kind(parameters, under=function is not None)
+        calibration, used = self._calibration(kind, using or self.surrogate.representation(kind))
+        if calibration is None:
+            return MemberDoubt(self, parameters, function, words, why, point, used, None)
+        source = f"{calibration.members} {'left-out' if used == FIELD else 'validation'} members"
+        if used != (using or self.surrogate.representation(kind)):
+            source += f", of the {WORDS[FIELD]} alone"
+        return MemberDoubt(self, parameters, function, words, why, point, used, calibration, source)
 
     def interval(
         self, parameters: Mapping[str, Any], camera: Camera, function: TransferFunction | None = None
@@ -125,59 +248,26 @@ class Doubt:
 
         Raises ValueError as `Surrogate.at` does.
         """
-        words, why = self.place(parameters, function)
-        if words == NEVER:
-            return Interval(words, why=why)
-        kind = self.surrogate.kind(parameters, under=function is not None)
-        using = self.surrogate.representation(kind)
-        calibration, used = self._calibration(kind, using)
-        if calibration is None:
-            return Interval(words, why="too few members calibrate it: nobody can say how far off the picture is")
-        agreement, point = self._agreement(parameters, camera, function, used), self._point(parameters, function)
-        expected = min(float(calibration.line.expected(agreement, point.simulation)), MOST_DECIBELS)
-        source = f"{calibration.members} {'left-out' if used == FIELD else 'validation'} members"
-        if used != using:
-            source += f", of the {WORDS[FIELD]} alone"
-        low, high = expected - calibration.half, min(expected + calibration.half, MOST_DECIBELS)
-        return Interval(words, expected, max(low, 0.0), high, calibration.share, source)
+        return self.at(parameters, function).interval(camera)
 
-    def place(self, parameters: Mapping[str, Any], function: TransferFunction | None = None) -> tuple[str, str]:
-        """The words for the place of parameters among the runs, and why where training never showed it."""
-        point = self._point(parameters, function)
-        if point.warnings:
-            return NEVER, "; ".join(point.warnings)
-        if function is not None and self.seen_values is not None and self.seen_values.novelty(function) > NEW:
-            return NEVER, "the transfer function shows values that no trained one showed"
-        share, (own, most) = self._committee(point).open_share(point.simulation), self.shares
-        return (LIKE if share <= own * SLACK else BETWEEN if share <= most else FAR), ""
+    def committee(self, name: str) -> Committee:
+        """The one of the emulated field of a name."""
+        assert self.surrogate.field is not None
+        if name not in self._committees:
+            self._committees[name] = Committee.of(self.surrogate.field.emulators[name])
+        return self._committees[name]
 
-    def opinions(self, parameters: Mapping[str, Any], function: TransferFunction | None = None) -> Opinions:
-        """The fields that the committee of emulators expects."""
-        point = self._point(parameters, function)
-        return self._committee(point).at(point)
-
-    def _agreement(
-        self, parameters: Mapping[str, Any], camera: Camera, function: TransferFunction | None, using: str
-    ) -> float:
-        if using == FIELD:
-            squares = self.opinions(parameters, function).squares(camera, self.background)
-            return decibels(float(squares.mean()))
-        return psnr(*self.pair(parameters, camera, function))
-
-    def pair(
-        self, parameters: Mapping[str, Any], camera: Camera, function: TransferFunction | None = None
-    ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-        """The pictures by the Gaussians and from the emulated field, (H, W, 3), as displayed."""
-        pictures = []
-        for name in (GAUSSIANS, FIELD):
-            own = self.surrogate.using(name)
-            member = (
-                own.at(parameters, outside="allow")
-                if function is None
-                else own.under(function, parameters, outside="allow")
-            )
-            pictures.append(composite(member.render(camera), self.background or WHITE))
-        return pictures[0], pictures[1]
+    def _place(self, parameters: Mapping[str, Any], function: TransferFunction | None) -> tuple[str, str, Array]:
+        """The words for parameters among the runs, why where training never showed it, and the point (P,)."""
+        place = self.surrogate.place(parameters, "allow", function)
+        point = place.simulation
+        if place.warnings:
+            return NEVER, "; ".join(place.warnings), point
+        drawn_with = function or _function_of(place)
+        if drawn_with is not None and self.seen_values is not None and self.seen_values.novelty(drawn_with) > NEW:
+            return NEVER, "the transfer function shows values that no trained one showed", point
+        share, (own, most) = self.processes.open_share(point), self.processes.usual_shares
+        return (LIKE if share <= own * SLACK else BETWEEN if share <= most else FAR), "", point
 
     def _calibration(self, kind: str, using: str) -> tuple[Calibration | None, str]:
         """The one for a kind and what draws it, else that of the emulated field; kinds that nobody measured as views."""
@@ -187,16 +277,12 @@ class Doubt:
                 return calibration, u
         return None, using
 
-    def _point(self, parameters: Mapping[str, Any], function: TransferFunction | None) -> FieldPoint:
-        assert self.surrogate.field is not None
-        return self.surrogate.field.point(parameters, "allow", function)
 
-    def _committee(self, point: FieldPoint) -> Committee:
-        assert self.surrogate.field is not None
-        name = field_of(point.appearance)
-        if name not in self._committees:
-            self._committees[name] = Committee.of(self.surrogate.field.emulators[name])
-        return self._committees[name]
+def _function_of(place: AnyPoint) -> TransferFunction | None:
+    """The transfer function of the base field that an emulated field is drawn with there, where that can be said."""
+    point = place.field if isinstance(place, BothPoints) else place
+    appearance = point.appearance if isinstance(point, FieldPoint) else None
+    return appearance.transfer_function if isinstance(appearance, VolumeRendering) else None
 
 
 def key_of(surrogate: Surrogate, catalog: Catalog) -> dict[str, Any]:
@@ -204,31 +290,23 @@ def key_of(surrogate: Surrogate, catalog: Catalog) -> dict[str, Any]:
     return {**model_key(surrogate, catalog.members), "views": unseen.VIEWS}
 
 
-def _read(values: Mapping[str, Any]) -> tuple[dict[str, Calibration], tuple[float, float]] | None:
-    """Calibrations and shares of a record; None where it is damaged, so that they are measured anew."""
-    try:
-        calibrations = {name: Calibration.from_json(one) for name, one in values["calibrations"].items()}
-        own, most = (numbers.finite(share, "shares") for share in values["shares"])
-    except (KeyError, TypeError, ValueError, AttributeError):
-        return None
-    return calibrations, (own, most)
+def embeddings_of(surrogate: Surrogate, catalog: Catalog) -> Embeddings | None:
+    """Other embeddings through the members of a catalog that Gaussians learn from."""
+    space = surrogate.space
+    rows = [[m.parameters[name] for name in space.names] for m in catalog.members if m.split in LEARNT]
+    return Embeddings.of(surrogate, space.normalize(np.array(rows, dtype=np.float64).reshape(len(rows), len(space))))
 
 
 @one_torch_thread()
-def _measured(surrogate: Surrogate, catalog: Catalog, progress: Report) -> dict[str, Any]:
-    """JSON values of the calibrations and shares."""
-    assert surrogate.field is not None
-    pictures = [*unseen.of_emulator(surrogate.field, catalog, progress)]
-    emulator = surrogate.field.emulators[field_of(surrogate.field.appearances[0])]
-    own = max(map(Committee(emulator).open_share, emulator.processes.points))
-    shares = [one.open_share for one in pictures if one.kind == VIEW] or [0.0]
+def calibrations_of(
+    surrogate: Surrogate, embeddings: Embeddings | None, catalog: Catalog, progress: Report
+) -> dict[str, Calibration]:
+    """Measured at members that were left out, by kind of question and representation."""
+    pictures = [] if surrogate.field is None else [*unseen.of_emulator(surrogate.field, catalog, progress)]
     if len(surrogate.gaussians):
-        pictures += unseen.of_gaussians(judged(surrogate, catalog), catalog)
+        pictures += unseen.of_gaussians(judged(surrogate, catalog), embeddings, catalog)
     groups: dict[str, list[unseen.UnseenPicture]] = {}
     for one in pictures:
         groups.setdefault(f"{one.kind} {one.using}", []).append(one)
     calibrated = {name: Calibration.of(unseen.by_member(group)) for name, group in groups.items()}
-    return {
-        "calibrations": {name: one.to_json() for name, one in calibrated.items() if one is not None},
-        "shares": [own, float(np.quantile(shares, 0.95))],
-    }
+    return {name: one for name, one in calibrated.items() if one is not None}

@@ -13,6 +13,7 @@ from catalogs.files.images import encode_png
 from catalogs.vocabulary.appearance import TransferFunction
 from catalogs.vocabulary.cameras import Camera
 from surrogate.answers.doubt import Doubt
+from surrogate.evaluation.metrics import WHITE, composite
 
 BLUR = 2.0  # pixels: where predictions differ is more certain than in which pixel
 WORST = 0.2  # error, of which the map's colour is the last
@@ -24,16 +25,19 @@ def error_map(
 ) -> NDArray[np.float32]:
     """Expected absolute errors (H, W), mean over channels that go from 0 to 1, by how far predictions differ in a pixel.
 
-    These are the committee of emulators and, where there are some, the Gaussians.  They rank pixels; the interval of a picture is
-    what was calibrated.  Raises ValueError as `Surrogate.at` does.
+    These are the committee of emulators and, where there are some, the Gaussians: beside the field, without one beside other
+    embeddings.  They rank pixels; the interval of a picture is what was calibrated.  Raises ValueError as `Surrogate.at` does.
     """
-    squares = doubt.opinions(parameters, function).squares(camera, doubt.background).mean(-1)  # [h, w]
-    factors = camera.height / squares.shape[0], camera.width / squares.shape[1]
-    errors = np.sqrt(zoom(squares, factors, order=1, grid_mode=True, mode="nearest"))
-    if len(doubt.surrogate.gaussians):
-        first, second = doubt.pair(parameters, camera, function)
-        errors = 0.5 * (errors + gaussian_filter(np.abs(first - second).mean(-1), BLUR))
-    return errors.astype(np.float32)
+    member, maps = doubt.at(parameters, function), []
+    by_field, by_gaussians = member.by_committee, member.by_gaussians
+    for opinions in by_gaussians if by_field is None else [by_field]:
+        squares = opinions.squares(camera, doubt.background).mean(-1)  # [h, w]
+        factors = camera.height / squares.shape[0], camera.width / squares.shape[1]
+        maps.append(np.sqrt(zoom(squares, factors, order=1, grid_mode=True, mode="nearest")))
+    if by_field is not None and by_gaussians:  # of which the last are the Gaussians and the field
+        first, second = (composite(draw(camera), doubt.background or WHITE) for draw in by_gaussians[-1].drawings)
+        maps.append(gaussian_filter(np.abs(first - second).mean(-1), BLUR))
+    return np.mean(maps, axis=0).astype(np.float32)
 
 
 def map_png(errors: NDArray[np.floating]) -> bytes:

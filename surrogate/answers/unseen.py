@@ -10,6 +10,7 @@ import zlib
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,16 +18,19 @@ from numpy.typing import NDArray
 from catalogs.files.images import ImageError
 from catalogs.store.catalog import Catalog
 from catalogs.store.members import Member
-from catalogs.vocabulary.appearance import field_of
+from catalogs.vocabulary.appearance import TransferFunction, field_of
 from catalogs.vocabulary.cameras import Camera
+from catalogs.vocabulary.variations import Variation
 from surrogate.answers.calibration import Unseen
 from surrogate.answers.committee import Committee, left_out
-from surrogate.evaluation.metrics import WHITE, composite, decibels, psnr
+from surrogate.answers.embeddings import Embeddings, pair_at
+from surrogate.answers.opinions import Opinions
+from surrogate.evaluation.metrics import WHITE, composite, psnr
 from surrogate.evaluation.scoring import Report, spread
 from surrogate.model import Surrogate
 from surrogate.model.emulated_member import EmulatedMember
 from surrogate.model.field_model import FieldModel
-from surrogate.model.representation import BOTH, FIELD, GAUSSIANS, VIEW
+from surrogate.model.representation import FIELD, VIEW
 
 VIEWS = 4  # of a member
 
@@ -60,7 +64,6 @@ class UnseenPicture:
     ----------
     using : the representation whose picture is meant.
     point : (P,) normalized parameters.
-    open_share : of the variance that runs left open there; 0 for Gaussians.
     """
 
     member: str
@@ -69,7 +72,6 @@ class UnseenPicture:
     agreement: float
     truth: float
     point: tuple[float, ...]
-    open_share: float = 0.0
 
 
 def untested_views(member: Member) -> list[int]:
@@ -77,13 +79,12 @@ def untested_views(member: Member) -> list[int]:
     return [view for view, split in enumerate(member.view_splits) if split != "test"]
 
 
-def cases_of(model: FieldModel, members: Sequence[Member]) -> Iterator[Shown]:
-    """Each member in the base appearance, and in one that was trained of each kind of variation."""
-    base = model.appearances[0].name
+def cases_of(base: str, variations: Sequence[Variation], members: Sequence[Member]) -> Iterator[Shown]:
+    """Each member in the `base` appearance, and in one that was trained of each kind of variation."""
     for member in members:
         if base in member.appearances:
             yield Shown(member, VIEW, base, {})
-        for variation in model.variations:
+        for variation in variations:
             settings = [
                 s
                 for s in variation.settings
@@ -111,42 +112,54 @@ def of_emulator(model: FieldModel, catalog: Catalog, progress: Report) -> Iterat
         done = 0
         for other, numbers in left_out(emulator, points, fields):
             committee = Committee.of(other)
-            for case in cases_of(model, [having[i] for i in numbers]):
+            for case in cases_of(model.appearances[0].name, model.variations, [having[i] for i in numbers]):
                 point = model.point(case.parameters, "allow")
                 if field_of(point.appearance) != name:
                     continue
                 prediction = EmulatedMember(
                     other, point.simulation, point.appearance, {}, model.normalization, point.sample_distance
                 )
-                opinions, share = committee.at(point), committee.open_share(point.simulation)
+                opinions = committee.at(point)
                 for truth, camera in _true_pictures(catalog, case):
                     picture = composite(prediction.render(camera), background or WHITE)
-                    agreement = decibels(float(opinions.squares(camera, background).mean()))
-                    yield UnseenPicture(
-                        case.member.name,
-                        case.kind,
-                        FIELD,
-                        agreement,
-                        psnr(truth, picture),
-                        tuple(point.simulation),
-                        share,
-                    )
+                    agreement, right = opinions.agreement(camera, background), psnr(truth, picture)
+                    yield UnseenPicture(case.member.name, case.kind, FIELD, agreement, right, tuple(point.simulation))
             done += len(numbers)
             progress("how sure the emulator is", done, len(having))
 
 
-def of_gaussians(surrogate: Surrogate, catalog: Catalog) -> Iterator[UnseenPicture]:
+def of_gaussians(surrogate: Surrogate, embeddings: Embeddings | None, catalog: Catalog) -> Iterator[UnseenPicture]:
     """Of pictures by Gaussians, alone and as the mean image, of validation members; `surrogate` has not learnt from these."""
-    assert surrogate.field is not None
+    background, space = catalog.plan.background, surrogate.space
     unseen = [m for m in catalog.members if m.split == "validation"]
-    for case in cases_of(surrogate.field, unseen):
-        by = {name: surrogate.using(name).at(case.parameters, outside="allow") for name in (GAUSSIANS, FIELD)}
-        point = tuple(surrogate.field.point(case.parameters, "allow").simulation)
+    for case in cases_of(surrogate.base_appearance, surrogate.variations, unseen):
+        opinions = opinions_of_gaussians(surrogate, embeddings, case.parameters)
+        if not opinions:
+            return
+        members = [surrogate.using(one).at(case.parameters, outside="allow") for one in surrogate.representations]
+        point = tuple(space.normalize(space.values(case.member.parameters, outside="allow")))
         for truth, camera in _true_pictures(catalog, case):
-            first, second = (composite(m.render(camera), catalog.plan.background or WHITE) for m in by.values())
-            agreement = psnr(first, second)
-            for using, picture in ((GAUSSIANS, first), (BOTH, 0.5 * (first + second))):
-                yield UnseenPicture(case.member.name, case.kind, using, agreement, psnr(truth, picture), point)
+            agreement = agreement_of(opinions, camera, background)
+            for using, member in zip(surrogate.representations, members, strict=True):
+                if using != FIELD:
+                    own = psnr(truth, composite(member.render(camera), background or WHITE))
+                    yield UnseenPicture(case.member.name, case.kind, using, agreement, own, point)
+
+
+def opinions_of_gaussians(
+    surrogate: Surrogate,
+    embeddings: Embeddings | None,
+    parameters: Mapping[str, Any],
+    function: TransferFunction | None = None,
+) -> list[Opinions]:
+    """Of a picture that Gaussians draw: other embeddings, and the emulated field where there is one."""
+    opinions = [] if embeddings is None else [embeddings.at(parameters, function)]
+    return opinions if surrogate.field is None else [*opinions, pair_at(surrogate, parameters, function)]
+
+
+def agreement_of(opinions: Sequence[Opinions], camera: Camera, background: Sequence[float] | None) -> float:
+    """The agreement of several kinds of opinions, mean in dB."""
+    return float(np.mean([one.agreement(camera, background) for one in opinions]))
 
 
 def by_member(pictures: Sequence[UnseenPicture]) -> Unseen:

@@ -135,15 +135,20 @@ class BilinearDeformation:
 
     def _modes(self, parameters: Tensor) -> Tensor:
         place = parameters.to(self.weights_in.device)  # [P]
-        flat = torch.addmv(self.biases_out, self.weights_out, self._hidden(place))  # [L * C]
+        flat = torch.addmv(self.biases_out, self.weights_out, self.hidden(place))  # [L * C]
         return flat.view(self.latents.shape[1], len(self.units))
 
-    def _hidden(self, place: Tensor) -> Tensor:
-        """The input (hidden,) of the last layer at parameters (P,)."""
+    def hidden(self, place: Tensor) -> Tensor:
+        """The input (hidden,) of the last layer at normalized parameters (P,)."""
         if self.frequencies:
             place = encode(place[None], self.frequencies)[0]  # [P (1 + 2 K)]
         hidden = torch.nn.functional.silu(torch.addmv(self.biases_in, self.weights_in, place))  # [hidden]
         return hidden + torch.nn.functional.silu(torch.addmv(self.biases_middle, self.weights_middle, hidden))
+
+    def fixed(self, hidden: Tensor) -> BilinearDeformation:
+        """The modes of an input (hidden,) of the last layer, at all parameters, without emulated values."""
+        biases = torch.addmv(self.biases_out, self.weights_out, hidden)  # [L * C]
+        return replace(self, weights_out=torch.zeros_like(self.weights_out), biases_out=biases, emulated=None)
 
     def offsets(self, gaussians: AnyGaussians, parameters: Tensor) -> Offsets:
         """Offsets at normalized `parameters` (P,); the Gaussians themselves do not matter to this deformation.

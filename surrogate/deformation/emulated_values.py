@@ -68,7 +68,11 @@ class EmulatedValues:
 
     def shifts(self, parameters: Tensor) -> Tensor:
         """The changes of the values (N,) on their scale, from the mean of the members, at normalized parameters (P,)."""
-        return self.share * (self.carried(parameters) - self._carried(self.means.detach()))
+        return self.shifts_of(self.coefficients(parameters))
+
+    def shifts_of(self, coefficients: Tensor) -> Tensor:
+        """The same by coefficients (K,) of the modes."""
+        return self.share * (self._carried_by(coefficients) - self._carried(self.means.detach()))
 
     def like(self, before: EmulatedValues) -> EmulatedValues:
         """The same with means and modes that differ as little as lets the members that `before` knows keep their values.
@@ -94,8 +98,10 @@ class EmulatedValues:
 
     def carried(self, parameters: Tensor) -> Tensor:
         """The emulated field (N,) on the scale of carried values, at normalized parameters (P,)."""
-        coefficients = self.coefficients(parameters).to(self.means)  # [K]
-        return self._carried(torch.addmv(self.means.detach(), self.modes.detach(), coefficients))
+        return self._carried_by(self.coefficients(parameters))
+
+    def _carried_by(self, coefficients: Tensor) -> Tensor:
+        return self._carried(torch.addmv(self.means.detach(), self.modes.detach(), coefficients.to(self.means)))
 
     @property
     def carried_means(self) -> Tensor:

@@ -129,6 +129,15 @@ class Processes:
             errors[:, mine] = self.weights[:, mine] / np.diag(inverse)[:, None]
         return errors
 
+    def left_out_shares(self) -> Array:
+        """The share (M, K) of each process's variance that stays open at a member without it, equation 5.12, without the noise."""
+        shares = np.zeros_like(self.coefficients)
+        for group, (factor, noise) in enumerate(zip(self.factors, self.noises, strict=True)):
+            inverse = cho_solve((factor, True), np.eye(len(factor)))
+            open_here = np.clip(1.0 / np.diag(inverse) - noise, 0.0, 1.0)  # [M]
+            shares[:, self.groups == group] = open_here[:, None]
+        return shares
+
     def posterior_covariance(self, group: int, points: Array, others: Array) -> Array:
         """The covariance (N, N) of a group's processes at others (N, P), over their variance, after values at points (M, P).
 

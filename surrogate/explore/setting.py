@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 from catalogs.vocabulary.appearance import TransferFunction, VolumeRendering
 from catalogs.vocabulary.numbers import text
 from catalogs.vocabulary.variations import POINT_PARAMETERS, displaced
+from surrogate.answers.doubt import Doubt, MemberDoubt
 from surrogate.appearance.field_gaussians import FieldGaussians
 from surrogate.deformation.values import ValuesDeformation
 from surrogate.explore.color_maps import color_points
@@ -62,6 +63,12 @@ class Setting:
         if not self.color_map:
             return surrogate.at(self.values, outside="allow")
         return surrogate.under(self.transfer_function(surrogate), self.parameters, outside="allow")
+
+    def doubted(self, doubt: Doubt) -> MemberDoubt:
+        """The doubt of what is shown at this setting; raises ValueError as `member` does."""
+        if not self.color_map:
+            return doubt.at(self.values, using=self.using)
+        return doubt.at(self.parameters, self.transfer_function(doubt.surrogate), using=self.using)
 
     def drawn_by(self, surrogate: Surrogate) -> str:
         """The one of `surrogate.representations` that draws it."""

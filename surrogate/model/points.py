@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+from numpy.typing import NDArray
+
 from catalogs.vocabulary.words import one_line
 from surrogate.model.field_model import FieldPoint
 from surrogate.model.places import ParameterPoint
@@ -17,6 +20,11 @@ class BothPoints:
     field: FieldPoint
 
     __repr__ = one_line
+
+    @property
+    def simulation(self) -> NDArray[np.float64]:
+        """Normalized parameters (P,) of the simulation."""
+        return self.field.simulation
 
     @property
     def warnings(self) -> tuple[str, ...]:

@@ -103,6 +103,11 @@ class Surrogate:
             return (GAUSSIANS,)
         return (GAUSSIANS, FIELD, BOTH) if len(self.gaussians) else (FIELD,)
 
+    @property
+    def base_appearance(self) -> str:
+        """The name of the appearance that it shows without visualization parameters; "" where nobody said."""
+        return str(self.training.get("appearance", next((v.base for v in self.variations), "")))
+
     def representation(self, kind: str) -> str:
         """The one of `representations` that draws pictures of a kind of question."""
         chosen = self.only or self.scores.better(kind)
@@ -131,7 +136,7 @@ class Surrogate:
         Raises ValueError for missing, unknown or non-finite ones, or where no variation has them; warns where one lies out of
         bounds, unless `outside` is "allow".
         """
-        return self._at(self._place(self._named(values, parameters), outside), outside)
+        return self._at(self.place(self._named(values, parameters), outside), outside)
 
     def under(
         self,
@@ -147,7 +152,7 @@ class Surrogate:
         What no training function showed is a guess.  Raises ValueError where the surrogate knows no field values (it then learnt
         colours, or transfer functions by their displacements), or as `at` does.
         """
-        return self._at(self._place(self._named(values, parameters), outside, transfer_function), outside)
+        return self._at(self.place(self._named(values, parameters), outside, transfer_function), outside)
 
     def _named(self, values: Any, parameters: Mapping[str, Any]) -> dict[str, Any]:
         """The parameters of both; raises ValueError where `values` are not by name."""
@@ -184,7 +189,7 @@ class Surrogate:
         for row in rows:
             key = repr(sorted(row.items()))
             if key not in points:
-                points[key] = self._place(row, outside, transfer_function)
+                points[key] = self.place(row, outside, transfer_function)
             places.append(points[key])
         if outside == "warn":
             warn_of(places, stacklevel=2)
@@ -249,7 +254,8 @@ class Surrogate:
         """The visualization parameters that `at` takes."""
         return tuple(name for variation in self.variations for name in variation.argument_names)
 
-    def _place(self, parameters: Mapping[str, Any], outside: Any, function: TransferFunction | None = None) -> AnyPoint:
+    def place(self, parameters: Mapping[str, Any], outside: Any, function: TransferFunction | None = None) -> AnyPoint:
+        """The point that `at`, or `under` a `function`, draws; its `warnings` say what is out of bounds.  Raises as these do."""
         drawn_by = self.drawn_by(parameters, under=function is not None)
         if self.field is None or drawn_by == GAUSSIANS:
             return self._gaussian_place(parameters, outside, function)
@@ -310,14 +316,14 @@ class Surrogate:
     @property
     def sizes(self) -> dict[str, float]:
         """That of each of `representations`, 10^6 bytes."""
-        each = {GAUSSIANS: self._stored_form().megabytes, FIELD: 0.0 if self.field is None else self.field.megabytes}
+        each = {GAUSSIANS: stored_form(self).megabytes, FIELD: 0.0 if self.field is None else self.field.megabytes}
         each[BOTH] = sum(each.values())
         return {name: each[name] for name in self.representations}
 
     @property
     def digest(self) -> str:
         """A SHA-256 over all that is stored of the model, and over what draws each kind of question."""
-        own = self._stored_form().digest
+        own = stored_form(self).digest
         if self.field is None:
             return own
         drawn_by = [self.representation(kind) for kind in KINDS]
@@ -341,7 +347,7 @@ class Surrogate:
             self.field.save(directory)
             self.scores.save(directory)
         if len(self.gaussians):
-            self._stored_form().save(directory)
+            stored_form(self).save(directory)
         else:
             models.remove(directory)
 
@@ -373,16 +379,12 @@ class Surrogate:
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickles, copies and what goes to other processes hold the bytes that `save` writes, and the device."""
         more: dict[str, Any] = {"field": self.field, "scores": self.scores, "only": self.only}
-        return partial(type(self).of_bytes, **more), (*self._stored_form().contents(), str(self.gaussians.means.device))
-
-    def _stored_form(self) -> models.StoredModel:
-        return stored_form(self)
+        return partial(type(self).of_bytes, **more), (*stored_form(self).contents(), str(self.gaussians.means.device))
 
     def _following(self) -> str:
-        kinds = [v.name for v in self.variations if v.continuous]
-        others = [s.appearance for v in self.variations if not v.continuous for s in v.settings]
-        following = f"any {' and '.join(kinds)}, " if kinds else ""
-        return following + (f"also as {', '.join(others)}, " if others else "")
+        kinds = " and ".join(v.name for v in self.variations if v.continuous)
+        others = ", ".join(s.appearance for v in self.variations if not v.continuous for s in v.settings)
+        return (f"any {kinds}, " if kinds else "") + (f"also as {others}, " if others else "")
 
     def __repr__(self) -> str:
         bounds = ", ".join(
@@ -390,10 +392,8 @@ class Surrogate:
         )
         count, field = len(self.gaussians), self.field
         gaussians = f"{count:,} Gaussians, {self.deformation.kind} deformation, " if count else ""
-        emulated = "" if field is None else f"emulated field of {field.megabytes:.1f} MB, "
-        return (
-            f"<Surrogate of {bounds or 'one member'}: {emulated}{gaussians}{self._following()}{self.megabytes:.1f} MB>"
-        )
+        whole = gaussians if field is None else f"emulated field of {field.megabytes:.1f} MB, {gaussians}"
+        return f"<Surrogate of {bounds or 'one member'}: {whole}{self._following()}{self.megabytes:.1f} MB>"
 
     def _repr_html_(self) -> str:
         """The same for notebooks, with a picture at the middle of the parameters."""

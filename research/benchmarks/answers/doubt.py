@@ -2,112 +2,129 @@
 
     python -m research.benchmarks.answers.doubt RUN [RUN ...] [--views 4] [--write]
 
-Each RUN is a folder with an emulated field, whose catalog is there. Prints Markdown. Test members are shown at test
-views, in the base appearance and one other of each kind. Columns are the rank correlation of expected and true PSNR of
-members, the mean absolute difference for pictures and the coverage, each beside that of the lookup among near
-measurements. The last is the area between the sparsification curves of map and truth, over the mean error. A map without
-knowledge has about 0.5.
+Each RUN is a folder of a run whose catalog is there. Prints Markdown. Test members are shown at test views, in the base
+appearance and one other of each kind. Columns are the rank correlation of expected and true PSNR of members, the mean
+absolute difference for pictures, the half width, and the share of pictures inside. Beside them, the same over random
+splits of the unseen members: eight of validation and test members calibrate, the others judge. The last is the area
+between the sparsification curves of map and truth, over the mean error. A map without knowledge has about 0.5.
 """
 
 from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import spearmanr
 
+from catalogs.store.catalog import Catalog
 from research.benchmarks.page import DOCS, command_line, fill, made_by, table
+from surrogate.answers.calibration import Calibration, Unseen
 from surrogate.answers.doubt import Doubt
 from surrogate.answers.maps import error_map
-from surrogate.answers.unseen import cases_of
+from surrogate.answers.unseen import Shown, agreement_of, by_member, cases_of, of_gaussians
 from surrogate.evaluation.metrics import WHITE, composite, foreground, psnr
 from surrogate.evaluation.scoring import spread
-from surrogate.explore.reliability.expectation import Expectation, measure
 from surrogate.explore.run import Run
-from surrogate.explore.setting import Setting
+from surrogate.model.judged import judged
+from surrogate.model.representation import FIELD
 from surrogate.splatting.threads import one_torch_thread
 
 FRACTIONS = np.linspace(0.0, 0.95, 20)  # of pixels that are taken away
 FEWEST, SAME = 4, 0.2  # members and dB, of which a rank says something
+CALIBRATING, SPLITS = 8, 200
 HEADER = [
     "run",
     "shown",
     "members",
     "PSNR, dB",
-    "Spearman (lookup)",
-    "off, dB (lookup)",
-    "half width, dB (lookup)",
+    "Spearman",
+    "off, dB",
+    "half width, dB",
     "promised",
-    "covers (lookup)",
+    "covers",
+    "random splits: off, half width, promised, covers",
     "sparsification (image gradient)",
-    "interval / map, ms beside drawing",
+    "interval / map, processor ms beside drawing",
 ]
 
 
 @dataclass(frozen=True)
 class TestPicture:
-    """One picture of a test member: the truth, the interval, and what the lookup says, dB; NaN where it says nothing."""
+    """One picture of a test member: the truth, the interval, and how far opinions agree, dB; NaN where nobody says anything."""
 
-    member: str
+    case: Shown
     truth: float
     expected: float
     half: float
     share: float
-    lookup: float
-    said: float
+    agreement: float
     sparse: float
     gradient: float
     milliseconds: tuple[float, float]
 
 
-def pictures_of(run: Run, views: int) -> dict[str, list[TestPicture]]:
+def pictures_of(run: Run, doubt: Doubt, catalog: Catalog, views: int) -> dict[str, list[TestPicture]]:
     """Those of a run, by kind."""
-    surrogate, catalog = run.surrogate, run.catalog
-    assert catalog is not None
-    assert surrogate.field is not None
-    doubt, expectation = Doubt.of(surrogate, catalog), measure(replace(run, folder=None))  # both anew
-    found: dict[str, list[TestPicture]] = {}
-    for case in cases_of(surrogate.field, [member for member in catalog.members if member.split == "test"]):
-        tested = [view for view, split in enumerate(case.member.view_splits) if split == "test"]
-        for view in (tested[i] for i in spread(len(tested), views)):
-            camera, setting = case.member.cameras[view], Setting(case.member.parameters, case.varied)
-            stored = catalog.image(case.member, case.appearance, view)
-            truth = composite(stored, catalog.plan.background or WHITE)
-            seconds = [time.perf_counter()]
-            picture = surrogate.at(case.parameters, outside="allow").render(camera)
-            seconds.append(time.perf_counter())
-            interval = doubt.interval(case.parameters, camera)
-            seconds.append(time.perf_counter())
-            errors = error_map(doubt, case.parameters, camera)
-            seconds.append(time.perf_counter())
-            drawing, asking, mapping = np.diff(seconds) * 1e3
-            displayed = composite(picture, catalog.plan.background or WHITE)
-            wrong = np.abs(displayed - truth).mean(-1)
-            mask = foreground(stored, catalog.plan.background)
-            slopes = np.linalg.norm(np.gradient(displayed.mean(-1)), axis=0)
-            found.setdefault(case.kind, []).append(
-                TestPicture(
-                    case.member.name,
-                    psnr(truth, displayed),
-                    np.nan if interval.psnr is None else interval.psnr,
-                    np.nan if interval.psnr is None or interval.low is None else interval.psnr - interval.low,
-                    interval.share or np.nan,
-                    *_lookup(expectation, setting, run),
-                    sparsification(errors[mask], wrong[mask]),
-                    sparsification(slopes[mask], wrong[mask]),
-                    (max(asking - drawing, 0.0), max(mapping - drawing, 0.0)),
-                )
-            )
-    return found
+    surrogate = run.surrogate
+    pictures: dict[str, list[TestPicture]] = {}
+    tested = [member for member in catalog.members if member.split == "test"]
+    for case in cases_of(surrogate.base_appearance, surrogate.variations, tested):
+        numbers = [view for view, split in enumerate(case.member.view_splits) if split == "test"]
+        for view in (numbers[i] for i in spread(len(numbers), views)):
+            pictures.setdefault(case.kind, []).append(_picture(run, doubt, catalog, case, view))
+    return pictures
 
 
-def _lookup(expectation: Expectation, setting: Setting, run: Run) -> tuple[float, float]:
-    expected = expectation.at(setting, run.surrogate)
-    return expected.psnr or np.nan, expected.error or np.nan
+def _picture(run: Run, doubt: Doubt, catalog: Catalog, case: Shown, view: int) -> TestPicture:
+    camera, behind = case.member.cameras[view], catalog.plan.background
+    stored = catalog.image(case.member, case.appearance, view)
+    truth = composite(stored, behind or WHITE)
+    seconds = [time.process_time()]
+    picture = run.surrogate.at(case.parameters, outside="allow").render(camera)
+    seconds.append(time.process_time())
+    member = doubt.at(case.parameters)
+    interval = member.interval(camera)
+    seconds.append(time.process_time())
+    errors = error_map(doubt, case.parameters, camera)
+    seconds.append(time.process_time())
+    drawing, asking, mapping = np.diff(seconds) * 1e3
+    displayed = composite(picture, behind or WHITE)
+    wrong = np.abs(displayed - truth).mean(-1)
+    mask = foreground(stored, behind)
+    slopes = np.linalg.norm(np.gradient(displayed.mean(-1)), axis=0)
+    return TestPicture(
+        case,
+        psnr(truth, displayed),
+        np.nan if interval.psnr is None else interval.psnr,
+        np.nan if interval.psnr is None or interval.low is None else interval.psnr - interval.low,
+        interval.share or np.nan,
+        agreement_of(member.opinions, camera, behind),
+        sparsification(errors[mask], wrong[mask]),
+        sparsification(slopes[mask], wrong[mask]),
+        (max(asking - drawing, 0.0), max(mapping - drawing, 0.0)),
+    )
+
+
+def random_splits(unseen: Unseen, seed: int = 0) -> tuple[float, float, float, float]:
+    """Mean error and half width (dB), promised and inside, where random members calibrate the others; NaN for too few."""
+    random, count = np.random.default_rng(seed), len(unseen.truths)
+    calibrating = min(CALIBRATING, count // 2)
+    rows = []
+    for _ in range(SPLITS):
+        chosen = np.zeros(count, dtype=bool)
+        chosen[random.permutation(count)[:calibrating]] = True
+        calibration, others = Calibration.of(unseen.of(chosen)), unseen.of(~chosen)
+        if calibration is None:
+            return np.nan, np.nan, np.nan, np.nan
+        expected = [calibration.line.expected(a, p) for a, p in zip(others.agreements, others.points, strict=True)]
+        off = np.abs(others.truths - expected)
+        rows.append((off.mean(), calibration.half, calibration.share, (off <= calibration.half).mean()))
+    off, half, promised, covers = np.mean(rows, axis=0)
+    return float(off), float(half), float(promised), float(covers)
 
 
 def sparsification(expected: NDArray[np.floating], wrong: NDArray[np.floating]) -> float:
@@ -128,51 +145,66 @@ def sparsification(expected: NDArray[np.floating], wrong: NDArray[np.floating]) 
     return float(between.mean() / wrong.mean())
 
 
-def row_of(run: str, kind: str, found: Sequence[TestPicture]) -> list[str]:
+def unseen_of(run: Run, doubt: Doubt, catalog: Catalog, kind: str, tested: Sequence[TestPicture]) -> Unseen | None:
+    """Validation and test members' agreements and truths; None for pictures that are drawn from the field."""
+    surrogate = run.surrogate
+    using, space = surrogate.representation(kind), surrogate.space
+    if using == FIELD:
+        return None
+    pictures = [one for one in of_gaussians(judged(surrogate, catalog), doubt.embeddings, catalog) if one.kind == kind]
+    first = by_member([one for one in pictures if one.using == using])
+    views = min(first.truths.shape[1], len(tested) // len({one.case.member.name for one in tested}))
+    rows, points = [], []
+    for name in dict.fromkeys(one.case.member.name for one in tested):
+        own = [one for one in tested if one.case.member.name == name][:views]
+        rows.append([(one.agreement, one.truth) for one in own])
+        points.append(space.normalize(space.values(own[0].case.member.parameters, outside="allow")))
+    second = np.array(rows)  # [M, V, 2]
+    return Unseen(
+        np.concatenate([first.points, points]),
+        np.concatenate([first.agreements[:, :views], second[..., 0]]),
+        np.concatenate([first.truths[:, :views], second[..., 1]]),
+    )
+
+
+def row_of(run: str, kind: str, tested: Sequence[TestPicture], unseen: Unseen | None) -> list[str]:
     """A row of the table."""
-    members = sorted({one.member for one in found})
-    values = {
-        name: np.array([getattr(one, name) for one in found])
-        for name in ("truth", "expected", "half", "lookup", "said")
-    }
+    members = sorted({one.case.member.name for one in tested})
+    values = {name: np.array([getattr(one, name) for one in tested]) for name in ("truth", "expected", "half")}
     means = {
-        name: np.array([np.mean([getattr(one, name) for one in found if one.member == m]) for m in members])
-        for name in ("truth", "expected", "lookup")
+        name: np.array([np.mean([getattr(one, name) for one in tested if one.case.member.name == m]) for m in members])
+        for name in ("truth", "expected")
     }
-    off, lookup = np.abs(values["truth"] - values["expected"]), np.abs(values["truth"] - values["lookup"])
-
-    def rank(name: str) -> str:
-        both = np.isfinite(means[name])
-        first, second = means["truth"][both], means[name][both]
-        if len(first) < FEWEST or min(first.std(), second.std()) < SAME:
-            return "-"
-        return f"{spearmanr(first, second)[0]:.2f}"
-
-    asking, mapping = np.median([one.milliseconds for one in found], axis=0)
-    sparse, slopes = np.nanmean([(one.sparse, one.gradient) for one in found], axis=0)
+    off = np.abs(values["truth"] - values["expected"])
+    asking, mapping = np.median([one.milliseconds for one in tested], axis=0)
+    sparse, slopes = np.nanmean([(one.sparse, one.gradient) for one in tested], axis=0)
+    said, splits = np.isfinite(off), np.full(4, np.nan) if unseen is None else np.array(random_splits(unseen))
     return [
         run,
         kind.replace("_", " "),
         str(len(members)),
         f"{values['truth'].mean():.1f} ± {means['truth'].std():.1f}",
-        f"{rank('expected')} ({rank('lookup')})",
-        f"{_mean(off)} ({_mean(lookup)})",
-        f"{_mean(values['half'])} ({_mean(values['said'])})",
-        f"{np.nanmean([one.share for one in found]):.0%}",
-        f"{_within(off, values['half'])} ({_within(lookup, values['said'])})",
+        _rank(means["truth"], means["expected"]),
+        _number(off[said]),
+        _number(values["half"][said]),
+        f"{np.nanmean([one.share for one in tested]):.0%}" if said.any() else "-",
+        f"{(off[said] <= values['half'][said]).mean():.0%}" if said.any() else "-",
+        f"{splits[0]:.2f}, {splits[1]:.2f}, {splits[2]:.0%}, {splits[3]:.0%}" if np.isfinite(splits).all() else "-",
         f"{sparse:.2f} ({slopes:.2f})",
         f"{asking:.0f} / {mapping:.0f}",
     ]
 
 
-def _mean(values: NDArray[np.float64]) -> str:
-    known = values[np.isfinite(values)]
-    return f"{known.mean():.2f}" if len(known) else "-"
+def _rank(truth: NDArray[np.float64], expected: NDArray[np.float64]) -> str:
+    both = np.isfinite(truth) & np.isfinite(expected)
+    first, second = truth[both], expected[both]
+    if len(first) < FEWEST or min(first.std(), second.std()) < SAME:
+        return "-"
+    return f"{spearmanr(first, second)[0]:.2f}"
 
 
-def _within(off: NDArray[np.float64], half: NDArray[np.float64]) -> str:
-    said = np.isfinite(off) & np.isfinite(half)
-    return f"{(off[said] <= half[said]).mean():.0%}" if said.any() else "-"
+def _number(values: NDArray[np.float64]) -> str:
+    return f"{values.mean():.2f}" if len(values) else "-"
 
 
 @one_torch_thread()
@@ -184,7 +216,11 @@ def main(arguments: Sequence[str] | None = None) -> None:
     options = parser.parse_args(arguments)
     rows, words = [], " ".join(map(str, options.runs))
     for run in map(Run.open, options.runs):
-        rows += [row_of(run.title, kind, found) for kind, found in pictures_of(run, options.views).items()]
+        if run.catalog is None:
+            parser.error(f"{run.title}: {run.missing}")
+        doubt = Doubt.of(run.surrogate, run.catalog)
+        for kind, tested in pictures_of(run, doubt, run.catalog, options.views).items():
+            rows.append(row_of(run.title, kind, tested, unseen_of(run, doubt, run.catalog, kind, tested)))
     body = f"{table(HEADER, rows)}\n<sub>{made_by(f'answers.doubt {words} --views {options.views}')}</sub>"
     print(body)
     if options.write:

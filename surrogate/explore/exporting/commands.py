@@ -126,26 +126,25 @@ def _write(folder: Path, output: Path, kinds: Sequence[str], options: Mapping[st
         if not output.parent.is_dir():
             raise ValueError(f"{output.parent} is not a folder: make it first")
         from catalogs.files import durable
+        from surrogate.answers.doubt import Doubt
         from surrogate.explore.exporting.naming import file_name
         from surrogate.explore.exporting.options import extrapolations, from_options
-        from surrogate.explore.reliability.expectation import stored_expectation
         from surrogate.explore.run import Run
 
         run = Run.open(folder)
-        request, expectation = from_options(options, kind, run), stored_expectation(run)
+        request = from_options(options, kind, run)
+        doubt = None if run.catalog is None else Doubt.stored(run.surrogate, run.catalog, run.folder)
         durable.make_folder(output.parent)
         durable.require_writable(output.parent)
         for sentence in extrapolations(request, run):
             click.echo(sentence, err=True)
         with ProgressLine() as line:
-            content = request.content(
-                run, lambda *counts: line.count("drawing", *counts) if counts else None, expectation
-            )
+            content = request.content(run, lambda *counts: line.count("drawing", *counts) if counts else None, doubt)
         if is_folder:
             output.mkdir(exist_ok=True)
             output /= f"{file_name(run, request)}.{KINDS[kind][0]}"
         durable.replace(output, content)
         click.echo(f"{output}: {request.summary(run)}")
-        expected = request.expected(run, expectation) if hasattr(request, "expected") else None
+        expected = request.expected(run, doubt) if hasattr(request, "expected") else None
         if expected is not None:
             click.echo(expected.sentence)

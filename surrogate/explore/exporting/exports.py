@@ -2,7 +2,7 @@
 
 In each record `setting` or `sweep` is what is shown, `camera` where from, and `background` the straight RGB in [0, 1] behind it.
 `content` gives the bytes, the same whoever asked, and raises ValueError where the surrogate can't show what is asked for; with an
-`expectation` pictures say what error to expect.  `summary` says in a line what they are.  The page's sizes are smaller than a
+`doubt` pictures say what error to expect.  `summary` says in a line what they are.  The page's sizes are smaller than a
 command's, for strangers use them; the bounds of parameters are the same.
 """
 
@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from catalogs.vocabulary.cameras import Camera
 from catalogs.vocabulary.words import joined_names
+from surrogate.answers.doubt import Doubt, Interval
 from surrogate.emulation.exports import vti_bytes
 from surrogate.evaluation.metrics import WHITE, composite
 from surrogate.explore.exporting.comparison import comparison
@@ -28,11 +29,10 @@ from surrogate.explore.exporting.ply import ply_bytes
 from surrogate.explore.exporting.sheets import captioned, strip
 from surrogate.explore.exporting.snippet import snippet
 from surrogate.explore.exporting.sweep import Axis, Sweep, axis_of, pictures
-from surrogate.explore.reliability.expectation import Expectation, Expected
-from surrogate.explore.reliability.truth import Truth
 from surrogate.explore.request import Color, MessageError, frame_request
 from surrogate.explore.run import Run
 from surrogate.explore.setting import Setting, listed
+from surrogate.explore.truth import Truth
 from surrogate.model import DeformedGaussians
 from surrogate.model.deformed import NO_FIELD
 from surrogate.model.representation import GAUSSIANS
@@ -49,14 +49,14 @@ class PictureRequest:
     background: Color | None = None
     form: Literal["png", "exr"] = "png"
 
-    def content(self, run: Run, progress: Progress, expectation: Expectation | None = None) -> bytes:
+    def content(self, run: Run, progress: Progress, doubt: Doubt | None = None) -> bytes:
         image = self.setting.member(run.surrogate).render(self.camera, background=self.background)
-        expected = self.expected(run, expectation)
+        expected = self.expected(run, doubt)
         record = record_for(run.surrogate, self.setting, self.camera, self.background, expected)
         return encode(image if self.background is None else image[..., :3], self.form, record=record)
 
-    def expected(self, run: Run, expectation: Expectation | None) -> Expected | None:
-        return None if expectation is None else expectation.at(self.setting, run.surrogate, self.camera)
+    def expected(self, run: Run, doubt: Doubt | None) -> Interval | None:
+        return None if doubt is None else self.setting.doubted(doubt).interval(self.camera)
 
     def summary(self, run: Run) -> str:
         return f"{self.camera.width}x{self.camera.height}, {self.setting.described(run.origins)}"
@@ -68,7 +68,7 @@ class GaussiansRequest:
 
     setting: Setting
 
-    def content(self, run: Run, progress: Progress, expectation: Expectation | None = None) -> bytes:
+    def content(self, run: Run, progress: Progress, doubt: Doubt | None = None) -> bytes:
         if GAUSSIANS not in run.surrogate.representations:
             raise ValueError("a .ply holds Gaussians, and this surrogate has none: `surrogate train RUN` trains them")
         gaussians = replace(self.setting, using=GAUSSIANS).member(run.surrogate)
@@ -86,7 +86,7 @@ class FieldsRequest:
     setting: Setting
     named: tuple[str, ...] = ()
 
-    def content(self, run: Run, progress: Progress, expectation: Expectation | None = None) -> bytes:
+    def content(self, run: Run, progress: Progress, doubt: Doubt | None = None) -> bytes:
         if run.surrogate.field is None:
             raise ValueError(NO_FIELD)
         return vti_bytes(run.surrogate.field.fields(self.setting.parameters, self.named))
@@ -104,7 +104,7 @@ class CodeRequest:
     camera: Camera
     background: Color | None = None
 
-    def content(self, run: Run, progress: Progress, expectation: Expectation | None = None) -> bytes:
+    def content(self, run: Run, progress: Progress, doubt: Doubt | None = None) -> bytes:
         folder = run.model_folder or "surrogate"
         return snippet(folder, run.surrogate, self.setting, self.camera, self.background).encode()
 
@@ -118,15 +118,15 @@ class ComparisonRequest:
     other: Setting | None
     background: Color = WHITE
 
-    def content(self, run: Run, progress: Progress, expectation: Expectation | None = None) -> bytes:
+    def content(self, run: Run, progress: Progress, doubt: Doubt | None = None) -> bytes:
         first = self._render(self.setting, run)
-        words = [self._words("A", self.setting, run, expectation)]
+        words = [self._words("A", self.setting, run, doubt)]
         if self.other is None:
             second, words_of_second = self._stored_image(run)
             words = [["prediction", *words[0][1:]], words_of_second]
         else:
             second = self._render(self.other, run)
-            words.append(self._words("B", self.other, run, expectation))
+            words.append(self._words("B", self.other, run, doubt))
         record = record_for(run.surrogate, self.setting, self.camera, self.background)
         if self.other is not None:
             record["other"] = record_for(run.surrogate, self.other, self.camera, self.background)
@@ -139,8 +139,8 @@ class ComparisonRequest:
     def _render(self, setting: Setting, run: Run) -> NDArray[np.float32]:
         return setting.member(run.surrogate).render(self.camera, background=self.background)[..., :3]
 
-    def _words(self, name: str, setting: Setting, run: Run, expectation: Expectation | None) -> list[str]:
-        expected = expectation and expectation.at(setting, run.surrogate, self.camera)
+    def _words(self, name: str, setting: Setting, run: Run, doubt: Doubt | None) -> list[str]:
+        expected = doubt and setting.doubted(doubt).interval(self.camera)
         return [f"{name}: {setting.described(run.origins)}", *([expected.short] if expected else [])]
 
     def _stored_image(self, run: Run) -> tuple[NDArray[np.float32], list[str]]:
@@ -165,7 +165,7 @@ class SheetRequest:
     camera: Camera
     background: Color = WHITE
 
-    def content(self, run: Run, progress: Progress, expectation: Expectation | None = None) -> bytes:
+    def content(self, run: Run, progress: Progress, doubt: Doubt | None = None) -> bytes:
         images = pictures(self.sweep, run.surrogate, self.camera, self.background, progress=progress)
         record = record_for(run.surrogate, self.sweep.base, self.camera, self.background)
         return strip(self.sweep, images, background=self.background, record=record)
@@ -190,7 +190,7 @@ class FilmRequest:
         if self.sweep.rows is not None:
             raise ValueError("a film goes over one parameter: leave the second out, or make a PNG")
 
-    def content(self, run: Run, progress: Progress, expectation: Expectation | None = None) -> bytes:
+    def content(self, run: Run, progress: Progress, doubt: Doubt | None = None) -> bytes:
         images = pictures(self.sweep, run.surrogate, self.camera, self.background, progress=progress)
         return film_bytes(
             self.form,
@@ -217,12 +217,10 @@ CommandRequest = PictureRequest | GaussiansRequest | FieldsRequest | ComparisonR
 Request = CommandRequest | CodeRequest
 
 
-def exported(
-    message: Any, run: Run, go_on: Progress = lambda *_: None, expectation: Expectation | None = None
-) -> Export:
+def exported(message: Any, run: Run, go_on: Progress = lambda *_: None, doubt: Doubt | None = None) -> Export:
     """The file that a message asks for, as in `from_message`; `go_on` is called as `progress`, and what it raises ends the work."""
     request = from_message(message, run)
-    content = request.content(run, go_on, expectation)
+    content = request.content(run, go_on, doubt)
     ending, media_type = KINDS[message["kind"]]
     return Export(f"{file_name(run, request)}.{ending}", media_type, content)
 

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from catalogs.files.images import encode_png, exr_text, straighten, to_bytes, to_float, write_exr
 from catalogs.files.png import text_of
 from catalogs.vocabulary.cameras import Camera
-from surrogate.explore.reliability.expectation import Expected
+from surrogate.answers.doubt import Interval
 from surrogate.explore.setting import Setting
 from surrogate.model import Surrogate
 
@@ -64,14 +64,14 @@ def record_for(
     setting: Setting,
     camera: Camera,
     background: Sequence[float] | None,
-    expected: Expected | None = None,
+    expected: Interval | None = None,
 ) -> dict[str, Any]:
     """The record that an image keeps, as JSON values: enough to render it again with the same surrogate.
 
     `surrogate` is the fingerprint of the model's training, "" where it has none.  `Setting` takes back `parameters`,
     `visualization`, `color_map` and `using`, `Camera.from_json` the `camera`; `background` is null for a transparent image.
-    `expected` is the error to expect in words, with `psnr` and `error` in dB, null where none was measured; it is null without
-    an expectation.
+    `expected` is what was said of its error, with `psnr`, `low` and `high` in dB, null where nobody can say; it is null where
+    nobody was asked.
     """
     return {
         "parameters": {name: float(value) for name, value in setting.parameters.items()},
@@ -80,7 +80,13 @@ def record_for(
         "using": setting.using,
         "camera": camera.to_json(),
         "background": None if background is None else [float(part) for part in background],
-        "expected": expected and {"psnr": expected.psnr, "error": expected.error, "said": expected.sentence},
+        "expected": expected
+        and {
+            "psnr": expected.psnr,
+            "low": expected.low,
+            "high": expected.high,
+            "said": expected.sentence,
+        },
         "surrogate": str(surrogate.training.get("fingerprint", "")),
         "versions": {name: version(name) for name in ("gs-surrogate", "torch", "numpy")},
     }

@@ -266,9 +266,8 @@ class Explorer {
       if (this.facts.truth) setTimeout(() => this.stream.settle(), 2000);
       return;
     }
-    const nearest = [...new Set(expected.map((one, i) => one.nearest && (kind === "compare" ? `${"AB"[i]}: ${one.nearest}` : one.nearest)))].filter(Boolean);
-    this.expected.textContent = kind === "sweep" ? spanOf(expected) : kind === "view" ? expected[0].sentence : nearest.join("; ");
-    this.expected.title = this.expected.textContent;
+    this.expected.textContent = kind === "sweep" ? spanOf(expected) : kind === "view" ? expected[0].sentence : "";
+    this.expected.title = `${this.expected.textContent}. A higher PSNR is better; from 40 dB on differences are hardly visible.`;
     if (kind === "view") return;
     expected.forEach((one, i) => {
       const label = this.panes[i].expected;

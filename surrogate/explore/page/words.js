@@ -29,8 +29,8 @@ export function spanOf(expected) {
   if (!known.length) return reason;
   const [low, high] = [Math.min(...known).toFixed(1), Math.max(...known).toFixed(1)];
   const span = `expected PSNR ${low === high ? low : `${low} to ${high}`} dB (higher is better; from 40 dB on differences are hardly visible)`;
-  const far = expected.filter(one => one.psnr !== null && one.far).length;
-  return [span, missing && `${missing} of ${expected.length} pictures: ${reason}`, far && `${far} of ${expected.length} far from training members: likely worse`].filter(Boolean).join("; ");
+  const far = expected.filter(one => one.psnr !== null && one.warning).length;
+  return [span, missing && `${missing} of ${expected.length} pictures: ${reason}`, far && `${far} of ${expected.length} far from all runs`].filter(Boolean).join("; ");
 }
 
 /** A warning where [low, high] leaves the range that was trained; "" where it does not. */
@@ -40,4 +40,4 @@ export function extrapolation(p, low, high = low) {
 }
 
 /** The same of one picture, as short as can be. */
-export const shortest = expected => expected.psnr === null ? "not measured" : `${expected.psnr.toFixed(1)} dB`;
+export const shortest = expected => expected.psnr === null ? "nobody can say" : `${expected.psnr.toFixed(1)} dB`;

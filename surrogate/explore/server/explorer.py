@@ -24,15 +24,15 @@ from aiohttp.http_exceptions import HttpProcessingError
 from catalogs.store.catalog import CatalogError
 from catalogs.web import ASSETS
 from catalogs.web.access import LOCAL, Access
+from surrogate.answers.doubt import Doubt
 from surrogate.explore.exporting.exports import Export, exported
-from surrogate.explore.reliability.expectation import measure
-from surrogate.explore.reliability.facts import facts
-from surrogate.explore.reliability.truth import Truth
+from surrogate.explore.facts import facts
 from surrogate.explore.request import frame_request
 from surrogate.explore.run import Run
 from surrogate.explore.server.calls import Call, Sockets, parsed, reported
 from surrogate.explore.server.frames import Frames
 from surrogate.explore.server.guard import PAGE, guard
+from surrogate.explore.truth import Truth
 
 DRAWING_THREADS = 2
 MOST_EXPORTS = 8  # one is made, the others wait
@@ -55,7 +55,8 @@ class Explorer:
         self.run = run
         self.access = Access.of(host, base_url)
         self.port = 0  # until it listens
-        self.frames = Frames(run.surrogate, Truth.of(run))
+        undoubted = "" if run.catalog else "without its catalog nobody can say how far off a picture is"
+        self.frames = Frames(run.surrogate, Truth.of(run), undoubted=undoubted)
         self._facts = facts(run)
         # Torch's own operations are small, and its threads spin while they wait: those of several tabs for each other.
         alone: dict[str, Any] = {"initializer": torch.set_num_threads, "initargs": (1,)}
@@ -63,7 +64,7 @@ class Explorer:
         self._exporting = ThreadPoolExecutor(1, thread_name_prefix="export", **alone)
         self._exports = 0  # made or waiting
         self._closed = threading.Event()
-        self._measuring = threading.Thread(target=self._measure, name="expectation", daemon=True)
+        self._measuring = threading.Thread(target=self._measure, name="doubt", daemon=True)
 
     @property
     def address(self) -> str:
@@ -108,18 +109,21 @@ class Explorer:
             pool.shutdown(wait=False, cancel_futures=True)
         if self._measuring.is_alive():  # at the end of Python a thread inside of a kernel would abort the process
             self._measuring.join(timeout=PATIENCE)
-        self.frames.member.cache_clear()  # whoever still holds this object holds no Gaussians
+        self.frames.clear()  # whoever still holds this object holds no Gaussians
 
     def _measure(self) -> None:
         def go_on(*_: object) -> None:
             if self._closed.is_set():
                 raise InterruptedError
 
+        if self.run.catalog is None:
+            return
         try:
-            self.frames.expectation = measure(self.run, go_on)
+            self.frames.doubt = Doubt.of(self.run.surrogate, self.run.catalog, self.run.folder, go_on)
         except InterruptedError:
             pass
         except (CatalogError, ValueError, OSError) as error:
+            self.frames.undoubted = str(error)
             log.warning("what error to expect can't be measured: %s", error)
 
     def _application(self) -> web.Application:
@@ -148,7 +152,7 @@ class Explorer:
 
         def work() -> Export:
             go_on()
-            return exported(parsed(content), self.run, go_on, self.frames.expectation)
+            return exported(parsed(content), self.run, go_on, self.frames.doubt)
 
         content = await request.read()
         if self._exports >= MOST_EXPORTS:

@@ -7,14 +7,14 @@ from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
 
+from surrogate.answers.doubt import Doubt, Interval, MemberDoubt
 from surrogate.evaluation.metrics import composite
 from surrogate.explore.exporting.difference import difference_of
 from surrogate.explore.exporting.pictures import encode
-from surrogate.explore.reliability.expectation import Expectation
-from surrogate.explore.reliability.facts import orbit_of
-from surrogate.explore.reliability.truth import Truth
+from surrogate.explore.facts import orbit_of
 from surrogate.explore.request import FrameRequest
 from surrogate.explore.setting import Setting
+from surrogate.explore.truth import Truth
 from surrogate.model import MemberModel, Surrogate
 from surrogate.model.representation import WORDS
 
@@ -23,21 +23,30 @@ KEPT = 32  # members at the last settings: moving the camera computes none anew
 
 @dataclass(eq=False)
 class Frames:
-    """Draws requests.  `truth` and `expectation` are None where there is no catalog, or not yet.
+    """Draws requests.  `truth` is None where there is no catalog, `doubt` without one and until it is measured.
 
-    Safe to be used from several threads.  `member` keeps what is drawn of a setting for a while; `member.cache_clear` lets it
-    go.
+    Safe to be used from several threads.  What is drawn of a setting is kept for a while; `clear` lets it go.
     """
 
     surrogate: Surrogate
     truth: Truth | None = None
-    expectation: Expectation | None = None
+    doubt: Doubt | None = None
+    undoubted: str = ""  # why there will be no doubt
 
     def __post_init__(self) -> None:
         def member(setting: Setting) -> MemberModel:
             return setting.member(self.surrogate)
 
-        self.member = lru_cache(maxsize=KEPT)(member)
+        def doubted(setting: Setting) -> MemberDoubt:
+            assert self.doubt is not None
+            return setting.doubted(self.doubt)
+
+        self.member, self._doubted = lru_cache(maxsize=KEPT)(member), lru_cache(maxsize=KEPT)(doubted)
+
+    def clear(self) -> None:
+        """Let go what is kept of settings."""
+        self.member.cache_clear()
+        self._doubted.cache_clear()
 
     def answer(self, request: FrameRequest) -> dict[str, Any]:
         """Encoded images and their descriptions, as values that a message carries.
@@ -74,15 +83,16 @@ class Frames:
 
     def _expected(self, request: FrameRequest) -> list[dict[str, Any]] | None:
         """Of each setting as the camera sees it; None while something moves, and until it is known."""
-        expectation = self.expectation
-        if expectation is None or request.form != "png":
+        if request.form != "png" or (self.doubt is None and not self.undoubted):
             return None
-        return [expectation.at(s, self.surrogate, request.camera).to_json() for s in request.settings]
+        if self.doubt is None:
+            return [Interval(why=self.undoubted).to_json() for _ in request.settings]
+        return [self._doubted(setting).interval(request.camera).to_json() for setting in request.settings]
 
     def nearest(self, request: FrameRequest) -> dict[str, Any] | None:
         """The parameters and view of the stored image most similar to the first setting from this camera; None without one.
 
-        `parameters`, `visualization`, and `orbit` as in `surrogate.explore.reliability.facts`.
+        `parameters`, `visualization`, and `orbit` as in `surrogate.explore.facts`.
         """
         match = None if self.truth is None else self.truth.nearest(request.settings[0], request.camera)
         if self.truth is None or match is None:

@@ -16,7 +16,7 @@ def drawn(count: int, seed: int) -> Unseen:
     return Unseen(random.uniform(-1.0, 1.0, (count, 2)), agreements, agreements + 2.0 + off)
 
 
-@pytest.mark.parametrize("count", [4, 8, 9, 40])
+@pytest.mark.parametrize("count", [3, 4, 8, 9, 40])
 def test_what_is_promised_holds(count: int) -> None:
     covered, promised = [], []
     for seed in range(60):
@@ -50,7 +50,7 @@ def test_agreement_that_says_nothing_widens_no_interval() -> None:
 
 
 def test_too_few_members_promise_nothing() -> None:
-    assert Calibration.of(drawn(3, 0)) is None
+    assert Calibration.of(drawn(2, 0)) is None
 
 
 def test_records_are_read_again_and_damage_is_refused() -> None:

@@ -109,8 +109,8 @@ def test_what_calibrates_is_predicted_without_itself(surrogate: Surrogate, catal
 
 def test_words_tell_runs_from_what_lies_between_and_outside(doubt: Doubt, catalog: Catalog) -> None:
     learnt = next(m for m in catalog.members if m.split == "train")
-    assert doubt.place(learnt.parameters)[0] == LIKE
-    assert {doubt.place({"p": p})[0] for p in np.linspace(0.01, 0.99, 40)} <= {LIKE, BETWEEN, FAR}
+    assert doubt.at(learnt.parameters).words == LIKE
+    assert {doubt.at({"p": p}).words for p in np.linspace(0.01, 0.99, 40)} <= {LIKE, BETWEEN, FAR}
     outside = doubt.interval({"p": 1.4}, learnt.cameras[0])
     assert (outside.words, outside.psnr) == (NEVER, None)
     assert "p" in outside.why
@@ -131,7 +131,7 @@ def test_other_functions_are_doubted_and_new_ones_get_no_number(doubt: Doubt, ca
 def test_a_record_is_used_again_and_a_damaged_one_is_not(
     doubt: Doubt, folder: Path, surrogate: Surrogate, catalog: Catalog, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    measured = "surrogate.answers.doubt._measured"
+    measured = "surrogate.answers.doubt.calibrations_of"
     path = folder / FILE
     with monkeypatch.context() as patched:
         patched.setattr(measured, lambda *_: pytest.fail("measured again"))
@@ -174,17 +174,43 @@ def test_the_command_answers_in_words_json_and_a_picture(doubt: Doubt, folder: P
     assert "--view must be below" in asked("-p", "p=0.3", "--view", "99")
 
 
+@pytest.fixture(scope="module")
+def trained(catalog: Catalog, tmp_path_factory: pytest.TempPathFactory) -> Surrogate:
+    """The same with Gaussians."""
+    return train(SETTINGS, catalog, tmp_path_factory.mktemp("trained") / "surrogate")
+
+
 @pytest.mark.slow
-def test_gaussians_doubt_by_their_difference_from_the_field(catalog: Catalog, tmp_path: Path) -> None:
-    surrogate = train(SETTINGS, catalog, tmp_path / "surrogate")
+def test_gaussians_without_a_field_doubt_by_other_embeddings(catalog: Catalog, trained: Surrogate) -> None:
+    surrogate = replace(trained, field=None)
+    doubt = Doubt.of(surrogate, catalog)
+    assert set(doubt.calibrations) == {"view gaussians"}
+    camera = catalog.members[0].cameras[5]
+    interval = doubt.interval({"p": 0.3}, camera)
+    assert interval.words in (LIKE, BETWEEN)
+    assert interval.source == "4 validation members"
+    assert interval.low is not None
+    assert error_map(doubt, {"p": 0.3}, camera).shape == (32, 32)
+    assert doubt.interval({"p": 1.4}, camera).words == NEVER
+
+
+def test_no_number_is_given_from_where_no_image_looks(doubt: Doubt, catalog: Catalog) -> None:
+    camera = catalog.members[0].cameras[5]
+    near = doubt.interval({"p": 0.3}, replace(camera, fx=4.0 * camera.fx, fy=4.0 * camera.fy))
+    assert (near.words, near.psnr, near.why) == (NEVER, None, "no stored image looks from there")
+
+
+@pytest.mark.slow
+def test_gaussians_doubt_by_their_difference_from_the_field(catalog: Catalog, trained: Surrogate) -> None:
+    surrogate = trained
     doubt = Doubt.of(surrogate, catalog)
     assert {"view field", "view gaussians", "view both"} <= set(doubt.calibrations)
-    drawn = Doubt(surrogate.using("both"), doubt.calibrations, doubt.shares)
+    drawn = replace(doubt, surrogate=surrogate.using("both"))
     interval = drawn.interval({"p": 0.3}, catalog.members[0].cameras[0])
     assert interval.source == "4 validation members"
     assert interval.share == pytest.approx(0.8)  # four of five
 
 
-def test_without_a_field_nobody_answers(catalog: Catalog, surrogate: Surrogate) -> None:
-    with pytest.raises(ValueError, match="no emulated field"):
+def test_neither_gaussians_nor_a_field_is_nobody_to_ask(catalog: Catalog, surrogate: Surrogate) -> None:
+    with pytest.raises(ValueError, match="fewer than four members"):
         Doubt.of(replace(surrogate, field=None), catalog)

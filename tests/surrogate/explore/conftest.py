@@ -14,7 +14,9 @@ from tests.support import families
 from tests.support.field_blobs import BLOBS, FUNCTION, FUNCTIONS, ISOVALUE, summary
 from tests.support.models import following
 
-MEMBERS = {"train-0": 0.0, "train-1": 0.5, "train-2": 1.0, "validation-0": 0.25, "test-0": 0.75}
+MEMBERS = {"train-0": 0.0, "train-1": 0.5, "train-2": 1.0, "validation-0": 0.25, "test-0": 0.75} | {
+    "train-3": 0.9, "validation-1": 0.6, "validation-2": 0.85
+}  # fmt: skip
 VIEW_SPLITS = ("train",) * 8 + ("validation",) * 2 + ("test",) * 2
 
 

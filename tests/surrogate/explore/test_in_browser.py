@@ -350,7 +350,7 @@ def test_a_comparison_is_saved_as_it_is_seen(page: Page, explorer: str, tmp_path
     open_explorer(page, explorer, "mode=compare&a.p.p=0.3&b.p.p=0.8&b.show=isovalue")
     captions = page.locator("#stage figcaption")
     page.wait_for_function("() => document.querySelector('.expected').textContent")
-    assert captions.nth(0).inner_text().startswith("A p 0.3\nexpected PSNR")
+    assert captions.nth(0).inner_text().startswith("A p 0.3\nbetween runs: PSNR")
     assert captions.nth(1).inner_text().startswith("B p 0.8, isovalue 0.45\n")
     path = saved(page, "comparison", tmp_path)
     assert path.name.startswith("blobs-compared-p-0.3-")

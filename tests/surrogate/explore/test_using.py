@@ -12,12 +12,12 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from surrogate.answers.doubt import Doubt
 from surrogate.explore.exporting.exports import exported
 from surrogate.explore.exporting.options import from_options
 from surrogate.explore.exporting.pictures import record_of
 from surrogate.explore.exporting.sweep import Axis, Sweep, pictures
-from surrogate.explore.reliability.expectation import measure, stored_expectation
-from surrogate.explore.reliability.facts import facts
+from surrogate.explore.facts import facts
 from surrogate.explore.request import MessageError, frame_request
 from surrogate.explore.run import Run
 from surrogate.explore.server.frames import Frames
@@ -83,21 +83,23 @@ def test_only_what_the_surrogate_holds_is_offered(run: Run, alone: Run) -> None:
 
 
 @pytest.mark.parametrize("using", ["", GAUSSIANS, FIELD, BOTH])
-def test_errors_are_expected_of_what_draws(run: Run, using: str) -> None:
-    measured = measure(run)
-    rows = [one for one in measured.measured if one.using == (using or FIELD)]
-    assert len(rows) == len(measured.measured) / 3
-    at = measured.at(Setting(rows[0].parameters, using=using), run.surrogate)
-    [family] = [f for key, f in measured.families.items() if key == ("dvr", using or FIELD)]
-    assert at.psnr == family.expected_at(family.points[0])
+def test_doubt_is_of_what_draws(run: Run, using: str) -> None:
+    assert run.catalog is not None
+    doubt, camera = Doubt.of(run.surrogate, run.catalog, run.folder), run.cameras[0]
+    drawn = doubt.at({"p": 0.6}, using=using or FIELD)
+    assert Setting({"p": 0.6}, using=using).doubted(doubt).interval(camera) == drawn.interval(camera)
+    other = Doubt.of(run.surrogate.using(using or FIELD), run.catalog, run.folder)  # as kept, for all
+    assert other.interval({"p": 0.6}, camera) == drawn.interval(camera)
 
 
-def test_measurements_are_kept_for_all_and_shown_for_none_other(run: Run) -> None:
-    measure(run)
-    assert stored_expectation(run) is not None
-    other = Run("run", run.surrogate.using(GAUSSIANS), run.model_folder, run.catalog, run.folder)
-    expected = measure(other).at(Setting({"p": 0.6}), other.surrogate)
-    assert expected.psnr == measure(run).at(Setting({"p": 0.6}, using=GAUSSIANS), run.surrogate).psnr
+def test_colors_that_are_chosen_are_doubted_as_any_function(run_folder: Path) -> None:
+    run = Run.open(run_folder)
+    assert run.catalog is not None
+    doubt, setting = Doubt.of(run.surrogate, run.catalog, run.folder), Setting({"p": 0.6}, color_map="viridis")
+    function = setting.transfer_function(run.surrogate)
+    expected = doubt.interval({"p": 0.6}, run.cameras[0], function)
+    assert expected.psnr is not None
+    assert setting.doubted(doubt).interval(run.cameras[0]) == expected
 
 
 @pytest.mark.parametrize("kind", ["png", "exr", "sheet", "comparison", "python"])

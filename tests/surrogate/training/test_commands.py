@@ -11,7 +11,7 @@ from click.testing import CliRunner
 import surrogate.training.run
 from catalogs.store.catalog import Catalog
 from surrogate.cli import main
-from surrogate.explore.reliability.facts import facts
+from surrogate.explore.facts import facts
 from surrogate.explore.run import Run
 from surrogate.settings import TrainingSettings
 from surrogate.training.loop import Diverged

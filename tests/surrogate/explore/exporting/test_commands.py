@@ -17,11 +17,11 @@ from catalogs.files.images import read_image, to_bytes
 from catalogs.store.catalog import Catalog
 from catalogs.vocabulary.cameras import Camera
 from surrogate import Surrogate
+from surrogate.answers.doubt import Doubt
 from surrogate.explore.exporting.commands import export, sweep
 from surrogate.explore.exporting.pictures import record_of
 from surrogate.explore.exporting.ply import ply_bytes
 from surrogate.explore.exporting.sweep import Axis, Sweep, settings
-from surrogate.explore.reliability.expectation import measure
 from surrogate.explore.run import Run
 from surrogate.explore.setting import Setting
 from tests.support import families
@@ -166,18 +166,20 @@ def test_a_stored_picture_is_compared(run: Path, tmp_path: Path) -> None:
 
 def test_what_error_to_expect_is_kept_once_it_is_measured(run_folder: Path, tmp_path: Path) -> None:
     folder = tmp_path / "blobs"
-    shutil.copytree(run_folder, folder, ignore=shutil.ignore_patterns("explore"))
+    shutil.copytree(run_folder, folder, ignore=shutil.ignore_patterns("answers"))
     done(export, folder, "-p", "p=0.3", "-o", tmp_path / "a.png")
     assert record_of(tmp_path / "a.png")["expected"] is None
-    measure(Run.open(folder))
+    run = Run.open(folder)
+    assert run.catalog is not None
+    Doubt.of(run.surrogate, run.catalog, run.folder)
     result = done(export, folder, "-p", "p=0.3", "-o", tmp_path / "a.png")
     expected = record_of(tmp_path / "a.png")["expected"]
     assert expected["psnr"] > 40
     assert result.stdout.splitlines()[1] == expected["said"]
     result = done(export, folder, "-p", "p=1.3", "-o", tmp_path / "b.exr")
     expected = record_of(tmp_path / "b.exr")["expected"]
-    assert (expected["psnr"], expected["error"]) == (None, None)
-    assert expected["said"].startswith("not measured here: p outside the measured range")
+    assert (expected["psnr"], expected["low"]) == (None, None)
+    assert expected["said"].startswith("never shown in training: parameter p = 1.3")
 
 
 @pytest.mark.parametrize("ending", ["gif", "mp4"])

@@ -43,9 +43,7 @@ def listens(address: str) -> bool:
 
 
 def names() -> list[str]:
-    return sorted(
-        t.name for t in threading.enumerate() if t.name.startswith(("explorer", "draw", "export", "expectation"))
-    )
+    return sorted(t.name for t in threading.enumerate() if t.name.startswith(("explorer", "draw", "export", "doubt")))
 
 
 def test_it_shows_itself_in_a_frame(shown: NotebookExplorer) -> None:

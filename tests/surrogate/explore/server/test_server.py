@@ -91,7 +91,7 @@ def refused(run_folder: Path, *options: str) -> str:
 @pytest.mark.slow
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
 def test_it_stops_at_once_whatever_is_being_done(run_folder: Path, tmp_path: Path, number: signal.Signals) -> None:
-    shutil.copytree(run_folder, tmp_path / "run", ignore=shutil.ignore_patterns("explore"))
+    shutil.copytree(run_folder, tmp_path / "run", ignore=shutil.ignore_patterns("answers"))
     with command(tmp_path / "run") as (process, line):
         address = address_in(line)
         idle = Tab(address)
@@ -150,7 +150,7 @@ def test_other_addresses_get_a_token(run_folder: Path) -> None:
 
 def broken(run_folder: Path, folder: Path, how: str) -> Path:
     """A copy of the run in which something is not as it should be."""
-    shutil.copytree(run_folder, folder, ignore=shutil.ignore_patterns("explore"))
+    shutil.copytree(run_folder, folder, ignore=shutil.ignore_patterns("answers"))
     model, catalog = folder / "surrogate", folder / "catalog.cdb"
     match how:
         case "nothing":
@@ -227,12 +227,12 @@ def test_a_run_without_a_catalog_has_no_truth(run_folder: Path, tmp_path: Path) 
             assert [p["train"] + p["validation"] for p in facts["parameters"]] == [[]]
             answer = tab.frame(truth=True)
             assert answer["truth"] is None
-            assert answer["expected"] is None or answer["expected"][0]["psnr"] is None
+            assert "without its catalog nobody can say" in answer["expected"][0]["sentence"]
             assert tab.ask("nearest", message()) == {"found": None}
 
 
 def test_a_catalog_without_members_has_no_truth(run_folder: Path, tmp_path: Path) -> None:
-    shutil.copytree(run_folder, tmp_path / "run", ignore=shutil.ignore_patterns("explore"))
+    shutil.copytree(run_folder, tmp_path / "run", ignore=shutil.ignore_patterns("answers"))
     shutil.rmtree(tmp_path / "run" / "catalog.cdb" / "members")
     with served(Run.open(tmp_path / "run")) as address, Tab(address) as tab:
         assert tab.ask("facts")["truth"] is False
@@ -241,8 +241,8 @@ def test_a_catalog_without_members_has_no_truth(run_folder: Path, tmp_path: Path
 
 
 def test_an_unwritable_run_is_explored_all_the_same(run_folder: Path, tmp_path: Path) -> None:
-    shutil.copytree(run_folder, tmp_path / "run", ignore=shutil.ignore_patterns("explore"))
-    (tmp_path / "run" / "explore").write_text("in the way")  # permissions would not stop root
+    shutil.copytree(run_folder, tmp_path / "run", ignore=shutil.ignore_patterns("answers"))
+    (tmp_path / "run" / "answers").write_text("in the way")  # permissions would not stop root
     (tmp_path / "run").chmod(0o555)
     with served(Run.open(tmp_path / "run")) as address, Tab(address) as tab:
         lives(tab)
@@ -252,12 +252,12 @@ def test_an_unwritable_run_is_explored_all_the_same(run_folder: Path, tmp_path: 
             wait(tab.waits(0.1))
         (near,) = tab.frame()["expected"]
         assert near["psnr"] is None
-        assert "camera outside the measured range" in near["short"]
+        assert near["short"] == "never shown in training: no stored image looks from there"
         (inside,) = tab.frame(camera={**CAMERA, "position": [4.9, 1.0, 0.5], "target": [0, 0, 0], "field": 32})[
             "expected"
         ]
         assert inside["psnr"] > 0
-    assert (tmp_path / "run" / "explore").read_text() == "in the way"
+    assert (tmp_path / "run" / "answers").read_text() == "in the way"
 
 
 def test_damaged_pictures_are_told_of_without_their_paths(run_folder: Path, tmp_path: Path) -> None:

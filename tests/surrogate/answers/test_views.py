@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from catalogs.vocabulary.cameras import Camera
-from surrogate.explore.reliability.views import FACTOR, Views
+from surrogate.answers.views import FACTOR, Views
 
 MIDDLE = np.array([100.0, -50.0, 3.0])
 

@@ -14,7 +14,7 @@ from catalogs.store.catalog import Catalog, Member
 from catalogs.vocabulary.cameras import Camera
 from catalogs.vocabulary.parameters import ParameterSpace
 from catalogs.vocabulary.variations import Variation
-from surrogate.explore.reliability.points import appearances_of, values_of, variation_of
+from surrogate.explore.points import appearances_of, values_of, variation_of
 from surrogate.explore.run import Run
 from surrogate.explore.setting import Setting
 

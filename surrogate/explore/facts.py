@@ -41,7 +41,6 @@ from catalogs.vocabulary.parameters import Parameter
 from catalogs.vocabulary.variations import Variation
 from surrogate.evaluation.scoring import spread
 from surrogate.explore.color_maps import NAMES, color_points
-from surrogate.explore.reliability.points import base_name
 from surrogate.explore.run import Run
 from surrogate.explore.setting import base_function
 from surrogate.model import Surrogate
@@ -91,7 +90,7 @@ def facts(run: Run) -> Json:
 
 def _base_field(surrogate: Surrogate, catalog: Catalog | None) -> str:
     """The name of the field that the base appearance shows; "" for the only one, and for images made elsewhere."""
-    appearance = _appearance(base_name(surrogate), catalog)
+    appearance = _appearance(surrogate.base_appearance, catalog)
     return "" if appearance is None else field_of(appearance)
 
 

@@ -12,9 +12,9 @@ from catalogs.store.catalog import Catalog
 from catalogs.vocabulary.cameras import Camera
 from catalogs.vocabulary.variations import VariationSetting as VariedSetting
 from surrogate import Surrogate
-from surrogate.explore.reliability.truth import Truth
 from surrogate.explore.run import Run
 from surrogate.explore.setting import Setting
+from surrogate.explore.truth import Truth
 from surrogate.rasterizer import Rasterizer
 from tests.support.varied_blobs import BLOBS, FUNCTIONS, ISOVALUE, varied_catalog, varied_surrogate
 

@@ -16,9 +16,9 @@ from catalogs.vocabulary.cameras import OBLIQUE, Camera
 from catalogs.vocabulary.parameters import Parameter, ParameterSpace
 from catalogs.vocabulary.quantity import Quantity
 from surrogate import Surrogate
+from surrogate.explore import facts as module
 from surrogate.explore.color_maps import NAMES
-from surrogate.explore.reliability import facts as module
-from surrogate.explore.reliability.facts import facts, orbit_of
+from surrogate.explore.facts import facts, orbit_of
 from surrogate.explore.run import Run
 from tests.support.blobs import Blobs
 from tests.support.field_blobs import BLOBS, FUNCTION, STEPS, field_catalog
