@@ -132,7 +132,7 @@ def sensitivity(
         raise ValueError(f"step must be above 0 and at most {MOST_STEP} of a range, got {step!r}")
     if not len(space):
         raise ValueError("this surrogate has no parameters: nothing changes its pictures")
-    surrogate.at(parameters, outside="allow")  # complains of names and values
+    member = surrogate.at(parameters, outside="allow")
     values = space.values({name: parameters[name] for name in space.names}, outside="allow")
     if outside := space.outside(values):
         raise ValueError(f"{next(iter(outside.values()))}: sensitivities are of places within the bounds")
@@ -154,7 +154,7 @@ def sensitivity(
             for name, draw in draws.items()
         )
         agreements = correlations(by_gaussians, by_field)
-    (picture,) = surrogate.render([dict(parameters)], camera)
+    picture = member.render(camera)
     whole = np.stack([*maps.values()]).mean(0)
     return Sensitivity(space, dict(parameters), composite(picture, behind), whole, region, agreements, WORDS[chosen])
 

@@ -68,6 +68,7 @@ INDICES = [
     "total, even",
     "s",
 ]
+TURNS = 9
 SOLVER = 192  # points a side, as the scene has it
 
 
@@ -80,18 +81,37 @@ def test_views(catalog: Catalog) -> list[tuple[Mapping[str, float], Camera]]:
     return pairs
 
 
-def seconds_of(action: Any, times: int = 3) -> float:
-    """The least processor seconds of an action."""
-    each = []
-    for _ in range(times):
-        started = time.process_time()
-        action()
-        each.append(time.process_time() - started)
-    return min(each)
+def times_in_pictures(surrogate: Surrogate, parameters: Mapping[str, float], camera: Camera) -> list[float]:
+    """Times of the maps, without and with the comparison, in those of a picture: the medians of turns."""
+    rows = Steps.about(surrogate.space, parameters, STEP).rows
+
+    def pictures() -> None:
+        for row in rows:
+            surrogate.at(row, outside="allow").render(camera)
+
+    actions = [
+        pictures,
+        lambda: sensitivity(surrogate, parameters, camera, compare=False),
+        lambda: sensitivity(surrogate, parameters, camera),
+    ]
+    turns = []
+    for _ in range(TURNS):
+        each = []
+        for action in actions:
+            started = time.process_time()
+            action()
+            each.append(time.process_time() - started)
+        turns.append(each)
+    reference, alone, compared = np.median(turns, axis=0)
+    return [len(rows) * alone / reference, len(rows) * compared / reference]
 
 
 def simulated_maps(
-    catalog: Catalog, space: ParameterSpace, pairs: Sequence[tuple[Mapping[str, float], Camera]]
+    catalog: Catalog,
+    space: ParameterSpace,
+    pairs: Sequence[tuple[Mapping[str, float], Camera]],
+    resolution: int = 64,
+    solver: int = SOLVER,
 ) -> list[Array]:
     """The maps (2, H, W, 3) of the Taylor-Green vortex itself, by Re and time, at each place; a Reynolds number runs once."""
     appearance = catalog.plan.appearances[0]
@@ -103,7 +123,9 @@ def simulated_maps(
     fields: dict[tuple[float, float], Field] = {}
     for reynolds, wanted in moments.items():
         times = sorted(wanted)
-        made = dumps({"Re": reynolds}, fields=["q_criterion"], resolution=64, times=times, solver_resolution=SOLVER)
+        made = dumps(
+            {"Re": reynolds}, fields=["q_criterion"], resolution=resolution, times=times, solver_resolution=solver
+        )
         fields |= {(reynolds, moment): dump["q_criterion"] for moment, dump in zip(times, made, strict=True)}
 
     def pictures(rows: Sequence[Mapping[str, float]], camera: Camera) -> Array:
@@ -120,12 +142,7 @@ def map_rows(title: str, surrogate: Surrogate, catalog: Catalog) -> list[list[st
     """Rows of the first table, one for each parameter."""
     pairs, background = test_views(catalog), catalog.plan.background
     answers = [sensitivity(surrogate, at, camera, background=background) for at, camera in pairs]
-    at, camera = pairs[0]
-    picture = seconds_of(lambda: surrogate.at(at).render(camera), 8)
-    alone, compared = (
-        seconds_of(lambda c=c: sensitivity(surrogate, at, camera, background=background, compare=c)) / picture  # type: ignore[misc]
-        for c in (False, True)
-    )
+    alone, compared = times_in_pictures(surrogate, *pairs[0])
     parameters = len(surrogate.space)
     truths: list[list[str]] = [["-", "-"]] * parameters
     if surrogate.space.names == ("Re", "time"):
