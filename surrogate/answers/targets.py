@@ -26,18 +26,18 @@ class Target:
     Attributes
     ----------
     picture : (H, W, 3) float32 in [0, 1].
-    camera : of the same size.
+    camera : of the same size; None where it is not known, and must be searched.
     mask : (H, W), True where a pixel counts; None for all.
     """
 
     picture: NDArray[np.float32]
-    camera: Camera
+    camera: Camera | None = None
     mask: NDArray[np.bool_] | None = None
 
     __repr__ = one_line
 
     def __post_init__(self) -> None:
-        size = (self.camera.height, self.camera.width)
+        size = self.picture.shape[:2] if self.camera is None else (self.camera.height, self.camera.width)
         if self.picture.shape != (*size, 3):
             raise ValueError(f"a picture must be (H, W, 3) = {(*size, 3)} as its camera, got {self.picture.shape}")
         if not np.isfinite(self.picture).all():
@@ -48,27 +48,38 @@ class Target:
         if float(np.ptp(pixels.reshape(-1, 3), axis=0).max()) < FLAT:
             raise ValueError("the picture shows one colour alone: no parameters can be read from it")
 
+    @property
+    def width(self) -> int:
+        """Pixels across."""
+        return self.picture.shape[1]
+
+    @property
+    def height(self) -> int:
+        """Pixels down."""
+        return self.picture.shape[0]
+
     def resized(self, side: int) -> Target:
         """The same with at most `side` pixels along its longer side, by averaging."""
-        longest = max(self.camera.width, self.camera.height)
+        longest = max(self.width, self.height)
         if longest <= side:
             return self
-        width, height = (max(1, round(n * side / longest)) for n in (self.camera.width, self.camera.height))
+        width, height = (max(1, round(n * side / longest)) for n in (self.width, self.height))
         channels = [averaged(self.picture[..., c], width, height) for c in range(3)]
         mask = None
         if self.mask is not None:
             shares = averaged(self.mask.astype(np.float32), width, height)
             mask = shares >= min(0.5, float(shares.max()))
-        return Target(np.stack(channels, axis=-1), self.camera.resized(width, height), mask)
+        camera = None if self.camera is None else self.camera.resized(width, height)
+        return Target(np.stack(channels, axis=-1), camera, mask)
 
     def region(self, box: tuple[int, int, int, int]) -> Target:
         """The same where only pixels from (x0, y0) to before (x1, y1) count."""
-        mask = np.zeros((self.camera.height, self.camera.width), bool)
-        mask[inside(box, self.camera)] = True
+        mask = np.zeros((self.height, self.width), bool)
+        mask[inside(box, self)] = True
         return replace(self, mask=mask)
 
 
-def inside(box: tuple[int, int, int, int], camera: Camera) -> tuple[slice, slice]:
+def inside(box: tuple[int, int, int, int], camera: Camera | Target) -> tuple[slice, slice]:
     """Rows and columns of the pixels from (x0, y0) to before (x1, y1); raises ValueError where a picture has not all of them."""
     x0, y0, x1, y1 = box
     if not (0 <= x0 < x1 <= camera.width and 0 <= y0 < y1 <= camera.height):
@@ -85,6 +96,11 @@ def stored_target(catalog: Catalog, member: str, view: int, appearance: str | No
     return Target(composite(image, catalog.plan.background or WHITE), own.cameras[view])
 
 
+def views_of(catalog: Catalog) -> Sequence[Camera]:
+    """The cameras that members share, else those of the first."""
+    return catalog.plan.cameras or (catalog.members[0].cameras if catalog.members else ())
+
+
 def target_of(catalog: Catalog, text: str, view: int | None = None) -> Target:
     """The picture that `text` names: MEMBER:VIEW of the catalog, or a file, which takes the number of a stored `view`.
 
@@ -96,7 +112,7 @@ def target_of(catalog: Catalog, text: str, view: int | None = None) -> Target:
         if not (colon and number.isdigit() and member in catalog):
             raise ValueError(f"{text} is neither a file nor MEMBER:VIEW of {catalog.path}")
         return stored_target(catalog, member, int(number))
-    cameras = catalog.plan.cameras or catalog.members[0].cameras
+    cameras = views_of(catalog)
     if view is None or not 0 <= view < len(cameras):
         raise ValueError(f"{text} does not say where its camera stood: --camera VIEW takes 0 to {len(cameras) - 1}")
     picture = composite(read_image(path), catalog.plan.background or WHITE)
@@ -107,11 +123,6 @@ def target_of(catalog: Catalog, text: str, view: int | None = None) -> Target:
             f"{text} is {width} x {height}, of another shape than view {view}, {camera.width} x {camera.height}"
         )
     return Target(picture, camera.resized(width, height))
-
-
-def smallest(targets: Sequence[Target], side: int) -> list[Target]:
-    """All of them at most `side` pixels long."""
-    return [target.resized(side) for target in targets]
 
 
 def averaged(values: NDArray[np.float32], width: int, height: int) -> NDArray[np.float32]:

@@ -98,6 +98,14 @@ class Processes:
         """The most likely variance of each process, (K,)."""
         return np.einsum("mk,mk->k", self.coefficients, self.weights) / max(len(self.points), 1)
 
+    def means(self, points: Array) -> Array:
+        """Means (N, K) at points (N, P)."""
+        means = np.zeros((len(points), self.coefficients.shape[1]))
+        for group in range(len(self.noises)):
+            mine = self.groups == group
+            means[:, mine] = self._covariance(group, points, self.points) @ self.weights[:, mine]
+        return means
+
     def predict(self, points: Array) -> tuple[Array, Array]:
         """Means and standard deviations (N, K) at points (N, P), without the noise."""
         means = np.zeros((len(points), self.coefficients.shape[1]))

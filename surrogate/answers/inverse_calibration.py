@@ -1,0 +1,102 @@
+"""The factor of the likelihood of parameters, from members that nobody learnt from."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from catalogs.store.catalog import Catalog
+from catalogs.store.members import Member
+from catalogs.vocabulary import numbers
+from surrogate.answers.doubt import key_of
+from surrogate.answers.inverse import Fit, best_fits
+from surrogate.answers.residuals import Residuals
+from surrogate.answers.sampling import RIDGE
+from surrogate.answers.targets import Target, stored_target
+from surrogate.answers.unseen import untested_views
+from surrogate.emulation.validation import NORMAL, conformal_rank
+from surrogate.evaluation.scoring import spread
+from surrogate.model import Surrogate
+from surrogate.model.judged import judged
+from surrogate.splatting.threads import one_torch_thread
+from surrogate.storage.records import Provenance, Record
+
+FILE = Path("answers") / "inverse-{}.json"
+RECORD, VERSION = "inverse", 2
+MOST, FEWEST = 8, 4  # validation members
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class InverseCalibration:
+    """The factor of a likelihood.
+
+    Attributes
+    ----------
+    factor : the mean square of residuals that counts as one independent observation.
+    residual : the largest root mean square of validation members' pictures at their solutions.
+    members : that calibrated it.
+    """
+
+    factor: float
+    residual: float
+    members: int
+
+    @classmethod
+    def of(cls, fits: Sequence[Fit], truths: Sequence[Array]) -> InverseCalibration:
+        """By the best fits to members, and these' normalized parameters (P,): 90 % of parameters lie in their intervals."""
+        needed: list[float] = []
+        for fit, truth in zip(fits, truths, strict=True):
+            variances = np.diag(np.linalg.inv(fit.curvature + RIDGE * np.eye(len(truth))))
+            needed += list((fit.point - truth) ** 2 / variances / NORMAL**2)
+        factor = float(np.sort(needed)[conformal_rank(len(needed)) - 1])
+        return cls(factor, max(math.sqrt(fit.cost) for fit in fits), len(fits))
+
+
+def calibration_of(surrogate: Surrogate, catalog: Catalog, pictures: int, folder: Path | None) -> InverseCalibration:
+    """The calibration for a number of pictures, as kept in the run's folder, else measured and kept there."""
+    key, file = key_of(surrogate, catalog) | {"pictures": pictures}, Path(str(FILE).format(pictures))
+    record = None if folder is None else Record.load(folder / file, RECORD, VERSION, key)
+    if record is not None:
+        with suppress(KeyError, TypeError, ValueError):
+            values = {name: numbers.finite(record.values[name], name) for name in ("factor", "residual")}
+            return InverseCalibration(**values, members=numbers.count(record.values["members"], "members"))
+    started = time.process_time()
+    measured = measure(surrogate, catalog, pictures)
+    if folder is not None:
+        with suppress(OSError):
+            Record(RECORD, VERSION, key, asdict(measured), Provenance.now(time.process_time() - started)).save(
+                folder / file
+            )
+    return measured
+
+
+@one_torch_thread()
+def measure(surrogate: Surrogate, catalog: Catalog, pictures: int) -> InverseCalibration:
+    """By up to eight validation members; raises ValueError for fewer than four."""
+    unseen = [member for member in catalog.members if member.split == "validation"]
+    if len(unseen) < FEWEST:
+        raise ValueError(
+            f"{catalog.path} has {len(unseen)} validation members, and at least {FEWEST} must calibrate intervals"
+        )
+    fair, fits, truths = judged(surrogate, catalog), [], []
+    for number in spread(len(unseen), MOST):
+        targets = targets_for(catalog, unseen[number], untested_views(unseen[number]), pictures, number)
+        fits.append(best_fits(Residuals.of(fair, targets, catalog.plan.background))[0])
+        truths.append(fair.space.normalize(fair.space.values(unseen[number].parameters, outside="allow")))
+    return InverseCalibration.of(fits, truths)
+
+
+def targets_for(catalog: Catalog, member: Member, views: Sequence[int], pictures: int, number: int) -> list[Target]:
+    """A member's pictures in as many of some views, spread, which begin elsewhere for each `number` of a member."""
+    first = number % len(views)
+    chosen = [views[(first + step) % len(views)] for step in spread(len(views), pictures)]
+    return [stored_target(catalog, member.name, view) for view in chosen]

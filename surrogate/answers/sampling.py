@@ -1,0 +1,119 @@
+"""Samples of the parameters that draw pictures: normal near each solution, and moved where pictures at samples say otherwise."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import chi2, truncnorm
+
+from surrogate.answers.inverse import FIT_SIDE, Fit
+from surrogate.answers.residuals import AT_ONCE, Residuals, angle_between
+from surrogate.emulation.validation import SHARE
+
+SAMPLES, SWEEPS = 400, 20
+CHECKED_DRAFTS, CHECKED = 96, 48  # samples whose pictures check the normal approximation
+AGREE = 0.3  # the share of these that count, below which the approximation is replaced
+WALKERS, MOVES = 48, 8  # samples that move then, and how often
+STRETCH = 2.0
+SAME_VIEW = math.radians(5.0)
+RIDGE = 1e-12
+
+Array = NDArray[np.float64]
+
+
+def distinct(fits: Sequence[Fit], factor: float) -> list[Fit]:
+    """Those that are about as likely as the best, and lie outside each other's 90 % sets, or are seen by other cameras."""
+    most = chi2.ppf(SHARE, len(fits[0].point))
+    solutions: list[Fit] = []
+    for fit in fits:
+        likely = (fit.cost - fits[0].cost) / factor < most
+        if likely and all(_apart(fit, one, most * factor) for one in solutions):
+            solutions.append(fit)
+    return solutions
+
+
+def _apart(fit: Fit, other: Fit, most: float) -> bool:
+    pairs = list(zip(fit.cameras, other.cameras, strict=True))
+    if any(angle_between(*pair) > SAME_VIEW for pair in pairs):
+        return True
+    difference = fit.point - other.point
+    return bool(difference @ other.curvature @ difference > most)
+
+
+def samples_of(residuals: Residuals, fits: Sequence[Fit], factor: float) -> tuple[Array, bool]:
+    """(samples (S, U), and False where the normal approximation holds): those of all solutions, about as many of each.
+
+    Pictures at some of the normal samples say by how much the likelihood differs from the approximation; where it differs much,
+    samples move by it (Goodman & Weare 2010, "Ensemble samplers with affine invariance").
+    """
+    samples = [normal_samples(fit, factor, seed) for seed, fit in enumerate(fits)]
+    moved, wrong = [], False
+    for seed, (fit, own) in enumerate(zip(fits, samples, strict=True)):
+        costs, count = _costs_near(residuals, fit)
+        some = own[: max(count // len(fits), 2 * len(fit.point) + 2)]
+        away = some - fit.point
+        expected = fit.cost + np.einsum("cp,pq,cq->c", away, fit.curvature, away)
+        found = costs(some)
+        log = -(found - expected) / (2.0 * factor)
+        ratios = np.exp(log - log.max())
+        wrong |= bool(ratios.sum() ** 2 / (ratios**2).sum() < AGREE * len(some))
+        moved.append((costs, some, found, seed))
+    if not wrong:
+        return np.concatenate(samples), False
+    walkers = max(WALKERS // len(fits), 2 * len(fits[0].point) + 2)
+    return np.concatenate([_stretched(c, s[:walkers], f[:walkers], factor, seed) for c, s, f, seed in moved]), True
+
+
+def _costs_near(residuals: Residuals, fit: Fit) -> tuple[Callable[[Array], Array], int]:
+    """Costs of points (B, U) near a solution, equal to those that it was fitted by there, and how many are affordable."""
+    own = residuals.seen_from(dict(enumerate(fit.cameras))).at_most(FIT_SIDE)
+    if own.draft is None:
+        return own.costs, CHECKED
+    corrected = own.corrected(fit.point)
+
+    def costs(points: Array) -> Array:
+        parts = [points[i : i + AT_ONCE] for i in range(0, len(points), AT_ONCE)]
+        return np.concatenate([(corrected(part) ** 2).mean(1) for part in parts])
+
+    return costs, CHECKED_DRAFTS
+
+
+def _stretched(costs: Callable[[Array], Array], samples: Array, found: Array, factor: float, seed: int) -> Array:
+    """(S, U), samples after moves, each along the line to another one."""
+    random = np.random.default_rng(seed)
+    points, found, unknowns, kept = samples.copy(), found.copy(), samples.shape[1], []
+    halves = np.array_split(np.arange(len(points)), 2)
+    for move in range(MOVES):
+        for mine, others in (halves, halves[::-1]):
+            z = (1.0 + (STRETCH - 1.0) * random.random(len(mine))) ** 2 / STRETCH
+            partners = points[random.choice(others, len(mine))]
+            tried = partners + z[:, None] * (points[mine] - partners)
+            inside = np.flatnonzero((np.abs(tried) <= 1.0).all(1))
+            if not len(inside):
+                continue
+            other = costs(tried[inside])
+            log = (unknowns - 1) * np.log(z[inside]) - (other - found[mine[inside]]) / (2.0 * factor)
+            taken = np.log(random.random(len(inside))) < log
+            points[mine[inside[taken]]], found[mine[inside[taken]]] = tried[inside[taken]], other[taken]
+        if move >= MOVES // 2:
+            kept.append(points.copy())
+    return np.concatenate(kept)
+
+
+def normal_samples(fit: Fit, factor: float, seed: int = 0) -> Array:
+    """(S, U) of the normal distribution of a fit, cut to the bounds, by Gibbs sampling (Robert 1995)."""
+    random, parameters = np.random.default_rng(seed), len(fit.point)
+    precision = fit.curvature / factor + RIDGE * np.eye(parameters)
+    samples = np.tile(fit.point, (SAMPLES, 1))
+    for _ in range(SWEEPS):
+        for j in range(parameters):
+            others = np.delete(np.arange(parameters), j)
+            pull = (samples[:, others] - fit.point[others]) @ precision[j, others] / precision[j, j]
+            mean, deviation = fit.point[j] - pull, min(1.0 / math.sqrt(precision[j, j]), 100.0)
+            bounds = (-1.0 - mean) / deviation, (1.0 - mean) / deviation
+            values = truncnorm.rvs(*bounds, loc=mean, scale=deviation, size=SAMPLES, random_state=random)
+            samples[:, j] = np.clip(values, -1.0, 1.0)
+    return samples
