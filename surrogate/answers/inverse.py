@@ -58,6 +58,8 @@ def best_fits(residuals: Residuals) -> list[Fit]:
         starts = [(residuals, point) for point in scanned(residuals)[:STARTS]]
     else:
         starts = searched(residuals)
+        if residuals.draft is not None:  # by the cameras that these find, other parameters may be nearer
+            starts = [start for own, point in roughly(starts)[:FINISHED] for start in again(own, point)]
     if residuals.draft is not None:
         starts = roughly(starts)[:FINISHED]
     elif residuals.unknowns <= 2:
@@ -73,14 +75,14 @@ def best_fits(residuals: Residuals) -> list[Fit]:
 def roughly(starts: Sequence[Start]) -> list[Start]:
     """Solutions by drafts that are corrected by their error nearby, best first; of half the starts."""
     for steps in ROUGH_STEPS:
-        found = []
+        better = []
         for own, point in starts:
             small = own.at_most(ROUGH_SIDE)
             corrected = small.corrected(point)
-            better = fitted(corrected, point, corrected, steps).point
-            found.append((float(small.costs(better[None])[0]), own, better))
-        found.sort(key=lambda one: one[0])
-        starts = [(own, point) for _, own, point in found[: max(len(found) // 2, FINISHED)]]
+            place = fitted(corrected, point, corrected, steps).point
+            better.append((float(small.costs(place[None])[0]), own, place))
+        better.sort(key=lambda one: one[0])
+        starts = [(own, point) for _, own, point in better[: max(len(better) // 2, FINISHED)]]
     return list(starts)
 
 
@@ -93,9 +95,16 @@ def scanned(residuals: Residuals) -> Array:
     return np.asarray(points[quick.costs(points).argsort(kind="stable")])
 
 
+def again(residuals: Residuals, point: Array) -> list[Start]:
+    """A solution, and the best of a scan by its cameras."""
+    own = residuals.seen_from(dict(enumerate(residuals.seen_by(point))))
+    here = np.append(point[: own.parameters], np.zeros(own.unknowns - own.parameters))
+    return [(own, start) for start in (here, *scanned(own)[:STARTS])]
+
+
 def searched(residuals: Residuals) -> list[Start]:
     """Views and points whose pictures are nearest, best first, views being apart."""
-    points = sobol_points(FEW, residuals.parameters)
+    points = sobol_points(FEW if residuals.parameters <= 2 else 2 * FEW, residuals.parameters)
     costs = residuals.costs_by_view(points, SCAN_SIDE)  # [B, V, T]
     first, *others = map(int, np.flatnonzero(np.isfinite(costs[0, 0])))
     rest = costs[:, :, others].min(1).sum(-1)  # [B]
@@ -105,8 +114,8 @@ def searched(residuals: Residuals) -> list[Start]:
         number, view = divmod(int(flat), total.shape[1])
         if any(angle_between(residuals.views[view], residuals.views[one]) < APART for one, _ in chosen):
             continue
-        seen = {first: view, **{i: int(costs[number, :, i].argmin()) for i in others}}
-        own = residuals.seen_from({i: residuals.views[v] for i, v in seen.items()})
+        views = {first: view, **{i: int(costs[number, :, i].argmin()) for i in others}}
+        own = residuals.seen_from({i: residuals.views[v] for i, v in views.items()})
         chosen.append((view, (own, scanned(own)[0])))
         if len(chosen) == SEARCHED:
             break
@@ -124,11 +133,11 @@ def fitted(residuals: Function, start: Array, slopes: Function | None = None, st
     jacobian = derivative(residuals, point) if slopes is None else derivative(slopes, point, smooth=True)
     for _ in range(steps):
         before = float((own**2).mean())
-        found = _lower(residuals, point, own, jacobian, damping)
-        if found is not None:
-            point, own, factor = found
+        lower = _lower(residuals, point, own, jacobian, damping)
+        if lower is not None:
+            point, own, factor = lower
             damping *= factor
-        gained = found is not None and float((own**2).mean()) < before * (1.0 - LEAST_GAIN)
+        gained = lower is not None and float((own**2).mean()) < before * (1.0 - LEAST_GAIN)
         if not gained and (not cheap or slopes is residuals):
             break
         cheap = cheap and gained

@@ -110,7 +110,7 @@ class Inverse:
         each = [asdict(one) | {"identified": one.identified} for one in self.parameters]
         own = {"parameters": each, "solutions": [dict(one) for one in self.solutions], "foreign": self.foreign}
         return own | {
-            "cameras": [[camera.to_json() for camera in seen] for seen in self.cameras],
+            "cameras": [[camera.to_json() for camera in views] for views in self.cameras],
             "residual_ratio": self.residual_ratio,
             "sampled": self.sampled,
             "calibration": asdict(self.calibration),
@@ -136,9 +136,9 @@ def solved(residuals: Residuals, calibration: InverseCalibration) -> Inverse:
     return answer_of(residuals, best_fits(residuals), calibration)
 
 
-def answer_of(residuals: Residuals, found: Sequence[Fit], calibration: InverseCalibration) -> Inverse:
+def answer_of(residuals: Residuals, local: Sequence[Fit], calibration: InverseCalibration) -> Inverse:
     """The answer by local solutions, best first."""
-    space, fits = residuals.surrogate.space, distinct(found, calibration.factor)
+    space, fits = residuals.surrogate.space, distinct(local, calibration.factor)
     samples, sampled = samples_of(residuals, fits, calibration.factor)
     answers, ends = [], []
     for j, parameter in enumerate(space.parameters):

@@ -84,11 +84,11 @@ class Residuals:
         for size in dict.fromkeys(target.picture.shape for target in self.targets):
             mine = [i for i, target in enumerate(self.targets) if target.picture.shape == size]
             pictures = self.draws.pictures(points[:, : self.parameters], [[own[i] for i in mine] for own in views])
-            shown = composite(pictures, self.background or WHITE)  # [B, T, H, W, 3]
+            displayed = composite(pictures, self.background or WHITE)  # [B, T, H, W, 3]
             for number, i in enumerate(mine):
-                differences, mask = shown[:, number] - self.targets[i].picture, self.targets[i].mask
-                kept = differences if mask is None else differences[:, mask]
-                parts[i] = kept.reshape(len(points), -1).astype(np.float64)
+                differences, mask = displayed[:, number] - self.targets[i].picture, self.targets[i].mask
+                counting = differences if mask is None else differences[:, mask]
+                parts[i] = counting.reshape(len(points), -1).astype(np.float64)
         return np.concatenate(parts, axis=1)
 
     def costs(self, points: Array) -> Array:
@@ -106,10 +106,10 @@ class Residuals:
             small = target.resized(side)
             views = [view.resized(small.width, small.height) for view in self.views]
             for number, point in enumerate(points):
-                shown = composite(draws.pictures(point[None], [views])[0], self.background or WHITE)
-                squares = (shown - small.picture) ** 2
-                kept = squares if small.mask is None else squares[:, small.mask]
-                costs[number, :, i] = kept.reshape(len(views), -1).mean(1)
+                displayed = composite(draws.pictures(point[None], [views])[0], self.background or WHITE)
+                squares = (displayed - small.picture) ** 2
+                counting = squares if small.mask is None else squares[:, small.mask]
+                costs[number, :, i] = counting.reshape(len(views), -1).mean(1)
         return costs
 
     def seen_from(self, cameras: Mapping[int, Camera]) -> Residuals:
@@ -145,8 +145,8 @@ class Residuals:
     @cached_property
     def draft(self) -> Residuals | None:
         """The same by cheaper pictures, drafts of the emulated field; None where that is not drawn at all."""
-        drawn = self.quick is not None and self.surrogate.representation(VIEW) != GAUSSIANS
-        return replace(self, draws=self.quick) if drawn and self.quick is not None else None
+        emulated = self.quick is not None and self.surrogate.representation(VIEW) != GAUSSIANS
+        return replace(self, draws=self.quick) if emulated and self.quick is not None else None
 
 
 def moved(camera: Camera, pose: Array, center: Array) -> Camera:

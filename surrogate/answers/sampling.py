@@ -46,8 +46,8 @@ def _apart(fit: Fit, other: Fit, most: float) -> bool:
 def samples_of(residuals: Residuals, fits: Sequence[Fit], factor: float) -> tuple[Array, bool]:
     """(samples (S, U), and False where the normal approximation holds): those of all solutions, about as many of each.
 
-    Pictures at some of the normal samples say by how much the likelihood differs from the approximation; where it differs much,
-    samples move by it (Goodman & Weare 2010, "Ensemble samplers with affine invariance").
+    Pictures at some of the normal samples check the approximation.  Where these say otherwise, samples move by the likelihood
+    itself (Goodman & Weare 2010, "Ensemble samplers with affine invariance").
     """
     samples = [normal_samples(fit, factor, seed) for seed, fit in enumerate(fits)]
     moved, wrong = [], False
@@ -56,11 +56,11 @@ def samples_of(residuals: Residuals, fits: Sequence[Fit], factor: float) -> tupl
         some = own[: max(count // len(fits), 2 * len(fit.point) + 2)]
         away = some - fit.point
         expected = fit.cost + np.einsum("cp,pq,cq->c", away, fit.curvature, away)
-        found = costs(some)
-        log = -(found - expected) / (2.0 * factor)
+        own_costs = costs(some)
+        log = -(own_costs - expected) / (2.0 * factor)
         ratios = np.exp(log - log.max())
         wrong |= bool(ratios.sum() ** 2 / (ratios**2).sum() < AGREE * len(some))
-        moved.append((costs, some, found, seed))
+        moved.append((costs, some, own_costs, seed))
     if not wrong:
         return np.concatenate(samples), False
     walkers = max(WALKERS // len(fits), 2 * len(fits[0].point) + 2)
@@ -81,10 +81,10 @@ def _costs_near(residuals: Residuals, fit: Fit) -> tuple[Callable[[Array], Array
     return costs, CHECKED_DRAFTS
 
 
-def _stretched(costs: Callable[[Array], Array], samples: Array, found: Array, factor: float, seed: int) -> Array:
+def _stretched(costs: Callable[[Array], Array], samples: Array, own_costs: Array, factor: float, seed: int) -> Array:
     """(S, U), samples after moves, each along the line to another one."""
     random = np.random.default_rng(seed)
-    points, found, unknowns, kept = samples.copy(), found.copy(), samples.shape[1], []
+    points, own_costs, unknowns, visited = samples.copy(), own_costs.copy(), samples.shape[1], []
     halves = np.array_split(np.arange(len(points)), 2)
     for move in range(MOVES):
         for mine, others in (halves, halves[::-1]):
@@ -95,12 +95,12 @@ def _stretched(costs: Callable[[Array], Array], samples: Array, found: Array, fa
             if not len(inside):
                 continue
             other = costs(tried[inside])
-            log = (unknowns - 1) * np.log(z[inside]) - (other - found[mine[inside]]) / (2.0 * factor)
-            taken = np.log(random.random(len(inside))) < log
-            points[mine[inside[taken]]], found[mine[inside[taken]]] = tried[inside[taken]], other[taken]
+            log = (unknowns - 1) * np.log(z[inside]) - (other - own_costs[mine[inside]]) / (2.0 * factor)
+            accepted = np.log(random.random(len(inside))) < log
+            points[mine[inside[accepted]]], own_costs[mine[inside[accepted]]] = tried[inside[accepted]], other[accepted]
         if move >= MOVES // 2:
-            kept.append(points.copy())
-    return np.concatenate(kept)
+            visited.append(points.copy())
+    return np.concatenate(visited)
 
 
 def normal_samples(fit: Fit, factor: float, seed: int = 0) -> Array:

@@ -117,7 +117,7 @@ def rows_of(title: str, surrogate: Surrogate, catalog: Catalog, pictures: int) -
 
 
 def camera_row(title: str, surrogate: Surrogate, catalog: Catalog, members: int) -> list[str]:
-    """How far cameras are off that are searched, in degrees: the best solution's, and the nearest solution's."""
+    """Errors in degrees of cameras that are searched: the best solution's, and the nearest solution's."""
     unseen = [one for one in catalog.members if one.split in ("validation", "test")]
     off, nearest, counts, seconds = [], [], [], []
     for number in spread(len(unseen), members):
