@@ -224,6 +224,10 @@ class Doubt:
         values = SeenValues.of_training(catalog, surrogate)
         return cls(surrogate, calibrations, processes, embeddings, values, views, catalog.plan.background)
 
+    def __repr__(self) -> str:
+        each = [f"{name} within {one.half:.1f} dB ({one.share:.0%})" for name, one in self.calibrations.items()]
+        return f"<Doubt: {', '.join(each) or 'nothing calibrated'}>"
+
     def at(
         self, parameters: Mapping[str, Any], function: TransferFunction | None = None, using: str = ""
     ) -> MemberDoubt:

@@ -3,17 +3,22 @@
 from __future__ import annotations
 
 import io
+import textwrap
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from catalogs.files import durable
+from catalogs.vocabulary.numbers import text
 
 if TYPE_CHECKING:
     from surrogate.answers.next_runs import NextRuns
 
 RESOLUTION = 130  # dots an inch
+LEAST_ERROR = 1.0 / 255.0  # at the end of a map's colours
 
 
 def save_next_runs(suggested: NextRuns, path: Path) -> None:
@@ -24,6 +29,30 @@ def save_next_runs(suggested: NextRuns, path: Path) -> None:
     left, right = figure.subplots(1, 2)
     _curve(suggested, left)
     _plane(suggested, right)
+    save(figure, path)
+
+
+def save_sure(
+    picture: NDArray[np.float32], errors: NDArray[np.float32], sentence: str, parameters: Mapping[str, Any], path: Path
+) -> None:
+    """Draw a picture (H, W, 3) beside the map of its expected errors (H, W), under the sentence about it."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(8.6, 4.8), layout="constrained")
+    named = ", ".join(
+        f"{name} = {value if isinstance(value, str) else text(value)}" for name, value in parameters.items()
+    )
+    figure.suptitle("\n".join(textwrap.wrap(sentence, 100)), fontsize=10)
+    left, right = figure.subplots(1, 2)
+    left.imshow(np.clip(picture, 0.0, 1.0))
+    left.set_title("picture", fontsize=9)
+    colored = right.imshow(errors, cmap="magma_r", vmin=0.0, vmax=max(float(np.quantile(errors, 0.995)), LEAST_ERROR))
+    right.set_title("where it may be wrong", fontsize=9)
+    figure.colorbar(colored, ax=right, shrink=0.8, label="difference between predictions (colours from 0 to 1)")
+    figure.supxlabel("\n".join(textwrap.wrap(named, 110)), fontsize=8)
+    for axis in (left, right):
+        axis.set_xticks([])
+        axis.set_yticks([])
     save(figure, path)
 
 

@@ -9,15 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter, zoom
 
-from catalogs.files.images import encode_png
 from catalogs.vocabulary.appearance import TransferFunction
 from catalogs.vocabulary.cameras import Camera
 from surrogate.answers.doubt import Doubt
 from surrogate.evaluation.metrics import WHITE, composite
 
 BLUR = 2.0  # pixels: where predictions differ is more certain than in which pixel
-WORST = 0.2  # error, of which the map's colour is the last
-STOPS, COLORS = (0.0, 0.3, 0.7, 1.0), ((255, 253, 179, 0), (255, 174, 0, 0), (255, 97, 38, 0))
 
 
 def error_map(
@@ -38,10 +35,3 @@ def error_map(
         first, second = (composite(draw(camera), doubt.background or WHITE) for draw in by_gaussians[-1].drawings)
         maps.append(gaussian_filter(np.abs(first - second).mean(-1), BLUR))
     return np.mean(maps, axis=0).astype(np.float32)
-
-
-def map_png(errors: NDArray[np.floating]) -> bytes:
-    """A map (H, W) as a PNG: white without error, through orange to black at `WORST`."""
-    places = np.clip(errors / WORST, 0.0, 1.0)
-    channels = [np.interp(places, STOPS, values) for values in COLORS]
-    return encode_png(np.stack(channels, -1).round().astype(np.uint8))

@@ -9,7 +9,6 @@ from pathlib import Path
 import click
 
 from catalogs.commands import one_line_errors
-from catalogs.files import durable
 from surrogate.command_line import RUNS, SCENE, OpenRun, assignment, load_surrogate
 
 
@@ -18,7 +17,12 @@ from surrogate.command_line import RUNS, SCENE, OpenRun, assignment, load_surrog
 @RUNS
 @click.option("-p", "named", multiple=True, metavar="NAME=VALUE", help="A parameter; all of the simulation.")
 @click.option("--view", type=click.IntRange(min=0), default=0, show_default=True, help="Stored camera.")
-@click.option("-o", "output", type=click.Path(dir_okay=False, path_type=Path), help="Write the map there (PNG).")
+@click.option(
+    "-o",
+    "output",
+    type=click.Path(dir_okay=False, path_type=Path),
+    help="Draw picture and error map there.",
+)
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 def sure(scene: Path, runs: Path, named: tuple[str, ...], view: int, output: Path | None, *, as_json: bool) -> None:
     """Say how sure the surrogate of a SCENE or a RUN is of a picture.
@@ -28,7 +32,9 @@ def sure(scene: Path, runs: Path, named: tuple[str, ...], view: int, output: Pat
     opened = OpenRun.open(scene, runs)
     surrogate, catalog = load_surrogate(opened.model), opened.catalog
     from surrogate.answers.doubt import Doubt
-    from surrogate.answers.maps import error_map, map_png
+    from surrogate.answers.figures import save_sure
+    from surrogate.answers.maps import error_map
+    from surrogate.evaluation.metrics import WHITE, composite
 
     with one_line_errors():
         cameras = catalog.plan.cameras or catalog.members[0].cameras
@@ -40,7 +46,11 @@ def sure(scene: Path, runs: Path, named: tuple[str, ...], view: int, output: Pat
         doubt = Doubt.of(surrogate, catalog, opened.folder)
         interval = doubt.interval(parameters, cameras[view])
         if output is not None:
-            durable.replace(output, map_png(error_map(doubt, parameters, cameras[view])))
+            picture = composite(
+                surrogate.at(parameters, outside="allow").render(cameras[view]), doubt.background or WHITE
+            )
+            errors = error_map(doubt, parameters, cameras[view])
+            save_sure(picture, errors, interval.sentence, parameters, output)
     click.echo(json.dumps(interval.to_json(), indent=1) if as_json else interval.sentence)
     if output is not None:
         click.echo(f"-> {output}", err=as_json)

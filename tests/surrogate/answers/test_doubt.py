@@ -169,7 +169,7 @@ def test_the_command_answers_in_words_json_and_a_picture(doubt: Doubt, folder: P
     output = tmp_path / "map.png"
     answer = asked("-p", "p=0.3", "--view", "2", "--json", "-o", str(output))
     assert json.loads(answer[: answer.rindex("}") + 1]) == expected.to_json()
-    assert read_image(output).shape == (32, 32, 4)
+    assert min(read_image(output).shape[:2]) > 300
     assert "p takes NAME=VALUE" in asked("-p", "p")
     assert "--view must be below" in asked("-p", "p=0.3", "--view", "99")
 
