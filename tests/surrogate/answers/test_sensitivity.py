@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -68,6 +69,13 @@ def test_two_predictions_are_compared(surrogate: Surrogate, camera: Camera, draw
     assert answer.agreements is not None
     assert answer.agreements.shape == (3,)
     assert sensitivity(surrogate.using(drawn_by), HERE, camera, compare=False).agreements is None
+
+
+def test_gaussians_alone_say_that_nothing_tells_how_certain_maps_are(surrogate: Surrogate, camera: Camera) -> None:
+    answer = sensitivity(replace(surrogate, field=None), HERE, camera)
+    assert answer.agreements is None
+    assert answer.sentences[-1].startswith("Drawn by the Gaussians alone")
+    assert answer.to_json()["changes"]["p"]["agreement"] is None
 
 
 def test_the_mean_image_has_the_mean_of_both_maps(surrogate: Surrogate, camera: Camera) -> None:

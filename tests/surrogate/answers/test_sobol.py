@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -108,6 +109,15 @@ def test_every_quantity_has_indices(
     assert answer.total.argmax() == 0 or drawn_by == "gaussians"
     by_gaussians = drawn_by == "gaussians" and of in ("picture", "colour", "opacity")
     assert answer.response.source == WORDS["gaussians" if by_gaussians else "field"]
+
+
+def test_gaussians_alone_have_no_numbers(surrogate_of_three: Surrogate, catalog_of_three: Catalog) -> None:
+    surrogate = replace(surrogate_of_three, field=None)
+    answer = sobol_indices(SPACE, response_of(surrogate, catalog_of_three.plan.cameras[3]), samples=8)
+    assert answer.response.source == WORDS["gaussians"]
+    assert answer.response.lengths is None
+    with pytest.raises(ValueError, match="has no emulated field, so no numbers"):
+        response_of(surrogate, catalog_of_three.plan.cameras[3], "mean")
 
 
 def test_a_region_is_drawn_alone(surrogate_of_three: Surrogate, catalog_of_three: Catalog) -> None:
