@@ -52,7 +52,9 @@ class Sensitivity:
     agreements: NDArray[np.float64] | None = None
     drawn_by: str = ""
 
-    __repr__ = one_line
+    def __repr__(self) -> str:
+        ranked = np.argsort(-self.of_view, kind="stable")
+        return "<Sensitivity: " + ", ".join(f"{self.space.names[j]} {self.of_view[j]:.3f}" for j in ranked) + ">"
 
     @property
     def magnitudes(self) -> Array:

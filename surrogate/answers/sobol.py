@@ -119,7 +119,10 @@ class SobolIndices:
     total_half: Array
     deviation: float
 
-    __repr__ = one_line
+    def __repr__(self) -> str:
+        ranked = np.argsort(-self.total, kind="stable")
+        each = ", ".join(f"{self.space.names[j]} {self.total[j]:.2f} ({self.first[j]:.2f} alone)" for j in ranked)
+        return f"<SobolIndices of the {self.response.words}: {each}>"
 
     @property
     def sentences(self) -> list[str]:

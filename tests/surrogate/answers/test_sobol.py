@@ -174,3 +174,5 @@ def test_the_documented_code_runs(
     exec(code, names)
     assert names["here"].maps.shape == (3, 128, 128, 3)
     assert names["everywhere"].total.shape == (3,)
+    assert repr(names["here"]).startswith("<Sensitivity: p ")
+    assert repr(names["everywhere"]).startswith("<SobolIndices of the pixels of the picture: p ")
