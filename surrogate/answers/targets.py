@@ -15,7 +15,9 @@ from catalogs.store.catalog import Catalog
 from catalogs.vocabulary.cameras import Camera
 from catalogs.vocabulary.words import one_line
 from surrogate.evaluation.metrics import WHITE, composite
+from surrogate.storage.picture_records import record_of
 
+SEARCH = "search"  # for a camera that is not known
 FLAT = 2.0 / 255.0  # the contrast below which a picture shows nothing
 
 
@@ -101,10 +103,11 @@ def views_of(catalog: Catalog) -> Sequence[Camera]:
     return catalog.plan.cameras or (catalog.members[0].cameras if catalog.members else ())
 
 
-def target_of(catalog: Catalog, text: str, view: int | None = None) -> Target:
-    """The picture that `text` names: MEMBER:VIEW of the catalog, or a file, which takes the number of a stored `view`.
+def target_of(catalog: Catalog, text: str, view: int | str | None = None) -> Target:
+    """The picture that `text` names: MEMBER:VIEW of the catalog, or a file.
 
-    Raises ValueError for other text, or a file without a view.
+    A file that was exported knows its own camera; others take the number of a stored `view`, or "search" where it is not known.
+    Raises ValueError for other text, a file without a camera, and an exported picture of another appearance than the base.
     """
     path = Path(text)
     if not path.is_file():
@@ -112,17 +115,48 @@ def target_of(catalog: Catalog, text: str, view: int | None = None) -> Target:
         if not (colon and number.isdigit() and member in catalog):
             raise ValueError(f"{text} is neither a file nor MEMBER:VIEW of {catalog.path}")
         return stored_target(catalog, member, int(number))
-    cameras = views_of(catalog)
-    if view is None or not 0 <= view < len(cameras):
-        raise ValueError(f"{text} does not say where its camera stood: --camera VIEW takes 0 to {len(cameras) - 1}")
+    camera = recorded_camera(path)
+    if view is not None:
+        camera = None if view == SEARCH else camera_at(catalog, view)
+    elif camera is None:
+        last = len(views_of(catalog)) - 1
+        raise ValueError(f"{text} does not say where its camera stood: --camera takes a view, 0 to {last}, or {SEARCH}")
     picture = composite(read_image(path), catalog.plan.background or WHITE)
     height, width = picture.shape[:2]
-    camera = cameras[view]
+    if camera is None:
+        return Target(picture)
     if width * camera.height != height * camera.width:
         raise ValueError(
-            f"{text} is {width} x {height}, of another shape than view {view}, {camera.width} x {camera.height}"
+            f"{text} is {width} x {height}, of another shape than its camera's pictures, {camera.width} x {camera.height}"
         )
     return Target(picture, camera.resized(width, height))
+
+
+def camera_at(catalog: Catalog, view: int | str) -> Camera:
+    """A stored camera by number; raises ValueError for another one."""
+    cameras = views_of(catalog)
+    if not (str(view).isdigit() and int(view) < len(cameras)):
+        raise ValueError(f"--camera takes a view, 0 to {len(cameras) - 1}, or {SEARCH}, got {view!r}")
+    return cameras[int(view)]
+
+
+def recorded_camera(path: Path) -> Camera | None:
+    """The camera that an exported picture keeps; None for a file without one.
+
+    Raises ValueError for one that is damaged, and for a picture in another appearance than the base.
+    """
+    try:
+        record = record_of(path)
+    except ValueError:
+        return None
+    if changed := [str(record[name]) for name in ("visualization", "color_map") if record.get(name)]:
+        raise ValueError(f"{path} shows {' and '.join(changed)}: parameters are read from the base appearance alone")
+    if "camera" not in record:
+        return None
+    try:
+        return Camera.from_json(record["camera"])
+    except (KeyError, TypeError, ValueError, OverflowError) as error:
+        raise ValueError(f"{path} keeps a camera that is damaged: {error}") from error
 
 
 def averaged(values: NDArray[np.float32], width: int, height: int) -> NDArray[np.float32]:

@@ -15,16 +15,16 @@ from surrogate.command_line import RUNS, SCENE, OpenRun, load_surrogate
 @SCENE
 @click.argument("pictures", metavar="PICTURE...", nargs=-1, required=True)
 @RUNS
-@click.option("--camera", type=click.IntRange(min=0), metavar="VIEW", help="Stored camera of files.")
+@click.option("--camera", metavar="VIEW|search", help="Camera of files that do not keep theirs: a stored one, or searched.")
 @click.option("--region", metavar="X0,Y0,X1,Y1", help="Only these pixels count.")
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 def which(
-    scene: Path, pictures: tuple[str, ...], runs: Path, camera: int | None, region: str | None, *, as_json: bool
+    scene: Path, pictures: tuple[str, ...], runs: Path, camera: str | None, region: str | None, *, as_json: bool
 ) -> None:
     """Say which parameters draw the PICTUREs, with 90 % intervals.
 
-    A PICTURE is MEMBER:VIEW of the catalog, or an image file. The first question of a run takes longer: validation members
-    calibrate the intervals.
+    A PICTURE is MEMBER:VIEW of the catalog, or an image file; one that was exported knows its camera. The first question of a
+    run takes longer: validation members calibrate the intervals.
     """
     opened = OpenRun.open(scene, runs)
     surrogate, catalog = load_surrogate(opened.model), opened.catalog

@@ -35,8 +35,8 @@ from surrogate.splatting.threads import one_torch_thread
 HEADER = ["run", "pictures", "parameter", "error, median / 90th", "width", "covered", "local minima", "s"]
 CAMERA_HEADER = ["run", "members", "camera off, median / 90th", "nearest solution", "solutions", "s"]
 SPLITS = 200
-FACTORS = 7  # on either side of that of all members, at which intervals are computed
-REACH = 30.0  # times that factor
+FACTORS = 3  # on either side of that of all members, at which intervals are computed
+REACH = 8.0  # times that factor
 
 Array = NDArray[np.float64]
 

@@ -23,11 +23,11 @@ from surrogate.explore.exporting.exports import (
     SheetRequest,
 )
 from surrogate.explore.exporting.kinds import FILM_STEPS, ROW_STEPS, SHEET_STEPS
-from surrogate.explore.exporting.pictures import record_of
 from surrogate.explore.exporting.sweep import Axis, Sweep, axis_of, parameters_of
 from surrogate.explore.request import Color, setting_of
 from surrogate.explore.run import Run
 from surrogate.explore.setting import Setting
+from surrogate.storage.picture_records import record_of
 
 MOST_SIDE = 8192  # pixels that a command may ask for
 STORED = "stored"  # what --compare takes beside parameters

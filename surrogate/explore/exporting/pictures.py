@@ -7,26 +7,23 @@ import json
 import tempfile
 from collections.abc import Mapping, Sequence
 from importlib.metadata import version
-from os import PathLike
 from pathlib import Path
 from typing import Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
-from catalogs.files.images import encode_png, exr_text, straighten, to_bytes, to_float, write_exr
-from catalogs.files.png import text_of
+from catalogs.files.images import encode_png, straighten, to_bytes, to_float, write_exr
 from catalogs.vocabulary.cameras import Camera
 from surrogate.answers.doubt import Interval
 from surrogate.explore.setting import Setting
 from surrogate.model import Surrogate
+from surrogate.storage.picture_records import KEY
 
 Kind = Literal["jpeg", "png", "exr"]
 
-KEY = "gs-surrogate"  # of the iTXt chunk and of the string attribute that hold the record
 JPEG_QUALITY = 85
 NOT_FINITE = "a picture must be finite: it holds NaN or infinite pixels"
-EXR_MAGIC = b"\x76\x2f\x31\x01"
 
 
 def encode(picture: NDArray[Any], kind: Kind, *, record: Mapping[str, Any] | None = None) -> bytes:
@@ -92,22 +89,6 @@ def record_for(
     }
 
 
-def record_of(source: str | PathLike[str] | bytes) -> dict[str, Any]:
-    """The record that a PNG or EXR file keeps, by its path or its bytes.
-
-    Raises ValueError where it is damaged, or no such file, or keeps none; OSError where it can't be read.
-    """
-    named, data = ("these bytes", source) if isinstance(source, bytes) else (str(source), Path(source).read_bytes())
-    try:
-        text = _exr_record(data) if data.startswith(EXR_MAGIC) else text_of(data, KEY)
-        record = None if text is None else json.loads(text)
-    except ValueError as error:
-        raise ValueError(f"no record can be read from {named}: {error}") from error
-    if not isinstance(record, dict):
-        raise ValueError(f"{named} keeps no record of how it was made")
-    return record
-
-
 def _jpeg(picture: NDArray[Any], texts: Mapping[str, str]) -> bytes:
     from PIL import Image
 
@@ -136,10 +117,3 @@ def _exr(picture: NDArray[Any], texts: Mapping[str, str]) -> bytes:
         path = Path(folder) / "picture.exr"
         write_exr(path, pixels, texts)
         return path.read_bytes()
-
-
-def _exr_record(data: bytes) -> str | None:
-    with tempfile.TemporaryDirectory(prefix="gs-surrogate-") as folder:
-        path = Path(folder) / "picture.exr"
-        path.write_bytes(data)
-        return exr_text(path, KEY)

@@ -14,7 +14,7 @@ from PIL import Image
 
 from catalogs import Catalog
 from surrogate import Surrogate
-from surrogate.explore.exporting.pictures import record_of
+from surrogate.storage.picture_records import record_of
 from tests.support.browsers import NewPage, serious_findings
 from tests.support.explored import assert_shown, drag, drawn, open_explorer, request_of, saved, settled, shown
 

@@ -15,7 +15,6 @@ from PIL import Image
 from surrogate.answers.doubt import Doubt
 from surrogate.explore.exporting.exports import exported
 from surrogate.explore.exporting.options import from_options
-from surrogate.explore.exporting.pictures import record_of
 from surrogate.explore.exporting.sweep import Axis, Sweep, pictures
 from surrogate.explore.facts import facts
 from surrogate.explore.request import MessageError, frame_request
@@ -24,6 +23,7 @@ from surrogate.explore.server.frames import Frames
 from surrogate.explore.setting import Setting
 from surrogate.model.representation import BOTH, FIELD, GAUSSIANS
 from surrogate.settings import TrainingSettings
+from surrogate.storage.picture_records import record_of
 from surrogate.training.run import train
 from tests.support.field_catalogs import rendered
 

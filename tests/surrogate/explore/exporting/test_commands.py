@@ -19,11 +19,11 @@ from catalogs.vocabulary.cameras import Camera
 from surrogate import Surrogate
 from surrogate.answers.doubt import Doubt
 from surrogate.explore.exporting.commands import export, sweep
-from surrogate.explore.exporting.pictures import record_of
 from surrogate.explore.exporting.ply import ply_bytes
 from surrogate.explore.exporting.sweep import Axis, Sweep, settings
 from surrogate.explore.run import Run
 from surrogate.explore.setting import Setting
+from surrogate.storage.picture_records import record_of
 from tests.support import families
 from tests.support.field_blobs import BLOBS, FUNCTION, FUNCTIONS, ISOVALUE
 from tests.support.models import following, plain

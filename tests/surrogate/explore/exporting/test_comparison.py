@@ -13,7 +13,7 @@ from catalogs.files.images import to_bytes
 from surrogate.explore.exporting.comparison import comparison
 from surrogate.explore.exporting.difference import difference_of
 from surrogate.explore.exporting.lettering import length, wrapped
-from surrogate.explore.exporting.pictures import record_of
+from surrogate.storage.picture_records import record_of
 
 RANDOM = np.random.default_rng(2)
 FIRST, SECOND = (RANDOM.random((40, 30, 3)).astype(np.float32) for _ in range(2))

@@ -26,11 +26,11 @@ from surrogate.explore.exporting.exports import (
 )
 from surrogate.explore.exporting.kinds import FILM_STEPS, KINDS
 from surrogate.explore.exporting.options import extrapolations, from_options
-from surrogate.explore.exporting.pictures import record_of
 from surrogate.explore.exporting.sweep import Axis, Sweep
 from surrogate.explore.request import MessageError
 from surrogate.explore.run import Run
 from surrogate.explore.setting import Setting
+from surrogate.storage.picture_records import record_of
 from tests.support.exports import SWEEP, WRONG
 from tests.support.models import plain
 from tests.support.requests import CAMERA, message

@@ -15,8 +15,9 @@ from PIL import Image
 from catalogs.files.images import premultiply, read_image, read_stored, to_bytes
 from catalogs.vocabulary.cameras import Camera
 from surrogate.explore.exporting import pictures as module
-from surrogate.explore.exporting.pictures import KEY, encode, record_for, record_of
+from surrogate.explore.exporting.pictures import encode, record_for
 from surrogate.explore.setting import Setting
+from surrogate.storage.picture_records import KEY, record_of
 from tests.support.models import following
 
 CAMERA = Camera.look_at((3.0, 4.0, 1.0), (0, 0, 0), vertical_fov_degrees=31.0, width=40, height=24)

@@ -8,10 +8,10 @@ import pytest
 from numpy.typing import NDArray
 from PIL import Image
 
-from surrogate.explore.exporting.pictures import record_of
 from surrogate.explore.exporting.sheets import captioned, strip
 from surrogate.explore.exporting.sweep import Axis, Sweep
 from surrogate.explore.setting import Setting
+from surrogate.storage.picture_records import record_of
 
 BASE = Setting({"p": 0.5})
 DARK, BRIGHT = (0.0, 0.0, 0.25), (1.0, 1.0, 0.75)
