@@ -1,4 +1,4 @@
-"""A run of three parameters, of which one changes much, one less and one nothing."""
+"""Runs of three parameters, of which one changes much, one less and one nothing, and of two, of which one is seen."""
 
 from __future__ import annotations
 
@@ -17,6 +17,7 @@ from surrogate.storage.runs import RunRecord
 from surrogate.training.run import train
 from tests.support.hooked import FUNCTION
 from tests.support.three_parameters import SPACE, SPACING, shown
+from tests.support.two_parameters import run_in
 
 SETTINGS = TrainingSettings(
     gaussians=60, canonical_steps=2, deformation_steps=4, visualization_steps=4, fit_to_need=False
@@ -48,3 +49,9 @@ def surrogate_of_three(three: Path) -> Surrogate:
 @pytest.fixture(scope="session")
 def catalog_of_three(three: Path) -> Catalog:
     return Catalog.open(three / "catalog.cdb")
+
+
+@pytest.fixture(scope="session")
+def two(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder of a run of two."""
+    return run_in(tmp_path_factory.mktemp("two"))

@@ -4,61 +4,20 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 from click.testing import CliRunner
 
-import insitu
 from catalogs.store.catalog import Catalog
-from catalogs.vocabulary.appearance import VolumeRendering
 from catalogs.vocabulary.cameras import Camera
-from catalogs.vocabulary.parameters import Parameter, ParameterSpace
-from catalogs.vocabulary.scene import ViewPlan
 from surrogate.answers.inverse import Fit, derivative, fitted
 from surrogate.answers.posterior import invert
 from surrogate.answers.sampling import distinct, normal_samples
 from surrogate.answers.targets import Target, stored_target
 from surrogate.cli import main
 from surrogate.model import Surrogate
-from surrogate.settings import TrainingSettings
-from surrogate.storage.checkpoints import fingerprint
-from surrogate.storage.runs import RunRecord
-from surrogate.training.run import train
-from tests.support.hooked import FUNCTION, blob
-
-SETTINGS = TrainingSettings(
-    gaussians=60, canonical_steps=2, deformation_steps=4, visualization_steps=4, fit_to_need=False
-)
-SIDE = 12
-TRUE = 0.42
-
-
-def shown(p: float) -> Any:
-    """A field that p moves and q does not."""
-    wave = np.sin(np.linspace(0.0, 6.0, SIDE) + 3.0 * p)
-    return (blob(size=SIDE) * (0.7 + 0.3 * wave)).astype(np.float32)
-
-
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("run")
-    space = ParameterSpace((Parameter("p", 0.0, 1.0), Parameter("q", 1.0, 100.0, scale="log")))
-    views = ViewPlan(frequency=1, width=32, height=32)
-    random = np.random.default_rng(0)
-    splits = {"train": np.linspace(0.0, 1.0, 12), "validation": [0.11, 0.34, 0.57, 0.81], "test": [TRUE]}
-    with insitu.Session(
-        folder / "catalog.cdb", space=space, appearances=[VolumeRendering("dvr", FUNCTION)], views=views
-    ) as session:
-        for split, values in splits.items():
-            for p in values:
-                parameters = {"p": float(p), "q": float(10.0 ** random.uniform(0.0, 2.0))}
-                session.render_member(shown(p), parameters, spacing=(1.1 / (SIDE - 1),) * 3, split=split)
-    catalog = Catalog.open(folder / "catalog.cdb")
-    train(SETTINGS, catalog, folder / "surrogate", only_field=True)
-    RunRecord("catalog.cdb", SETTINGS.to_json(), catalog.splits, fingerprint(SETTINGS, catalog)).save(folder)
-    return folder
+from tests.support.two_parameters import TRUE
 
 
 def _tested(catalog: Catalog) -> str:
@@ -66,10 +25,10 @@ def _tested(catalog: Catalog) -> str:
 
 
 @pytest.mark.parametrize("pictures", [1, 2])
-def test_a_parameter_comes_back_and_one_without_effect_is_named(folder: Path, pictures: int) -> None:
-    catalog, surrogate = Catalog.open(folder / "catalog.cdb"), Surrogate.load(folder / "surrogate")
+def test_a_parameter_comes_back_and_one_without_effect_is_named(two: Path, pictures: int) -> None:
+    catalog, surrogate = Catalog.open(two / "catalog.cdb"), Surrogate.load(two / "surrogate")
     targets = [stored_target(catalog, _tested(catalog), view) for view in range(pictures)]
-    answer = invert(surrogate, targets, catalog, folder)
+    answer = invert(surrogate, targets, catalog, two)
     p, q = answer.parameters
     assert abs(p.value - TRUE) < 0.03
     assert p.low <= p.value <= p.high
@@ -78,19 +37,19 @@ def test_a_parameter_comes_back_and_one_without_effect_is_named(folder: Path, pi
     assert "q" in repr(answer)
     assert "not shown" in q.sentence
     assert not answer.foreign
-    assert (folder / "answers" / f"inverse-{pictures}.json").is_file()
+    assert (two / "answers" / f"inverse-{pictures}.json").is_file()
     assert json.loads(json.dumps(answer.to_json()))["parameters"][1]["identified"] is False
-    assert invert(surrogate, targets, catalog, folder).to_json() == answer.to_json()
+    assert invert(surrogate, targets, catalog, two).to_json() == answer.to_json()
 
 
-def test_the_command_answers_and_flags_another_picture(folder: Path) -> None:
-    catalog = Catalog.open(folder / "catalog.cdb")
+def test_the_command_answers_and_flags_another_picture(two: Path) -> None:
+    catalog = Catalog.open(two / "catalog.cdb")
     name = _tested(catalog)
-    done = CliRunner().invoke(main, ["ask", "which", str(folder), f"{name}:0", "--region", "4,4,28,28", "--json"])
+    done = CliRunner().invoke(main, ["ask", "which", str(two), f"{name}:0", "--region", "4,4,28,28", "--json"])
     assert done.exit_code == 0, done.output
     assert abs(json.loads(done.output)["parameters"][0]["value"] - TRUE) < 0.05
     own = stored_target(catalog, name, 0)
-    answer = invert(Surrogate.load(folder / "surrogate"), [Target(1.0 - own.picture, own.camera)], catalog, folder)
+    answer = invert(Surrogate.load(two / "surrogate"), [Target(1.0 - own.picture, own.camera)], catalog, two)
     assert answer.foreign
     assert answer.sentences[0].startswith("No parameters draw such a picture")
 
@@ -105,11 +64,11 @@ def test_the_command_answers_and_flags_another_picture(folder: Path) -> None:
         (["{file}"], "does not say where its camera stood"),
     ],
 )
-def test_bad_input_is_refused(folder: Path, arguments: list[str], error: str) -> None:
-    catalog = Catalog.open(folder / "catalog.cdb")
+def test_bad_input_is_refused(two: Path, arguments: list[str], error: str) -> None:
+    catalog = Catalog.open(two / "catalog.cdb")
     name = _tested(catalog)
-    names = {"name": name, "file": str(folder / "run.json")}
-    done = CliRunner().invoke(main, ["ask", "which", str(folder), *(text.format(**names) for text in arguments)])
+    names = {"name": name, "file": str(two / "run.json")}
+    done = CliRunner().invoke(main, ["ask", "which", str(two), *(text.format(**names) for text in arguments)])
     assert done.exit_code == 1
     assert error in done.output
 
