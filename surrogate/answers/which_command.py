@@ -15,11 +15,21 @@ from surrogate.command_line import RUNS, SCENE, OpenRun, load_surrogate
 @SCENE
 @click.argument("pictures", metavar="PICTURE...", nargs=-1, required=True)
 @RUNS
-@click.option("--camera", metavar="VIEW|search", help="Camera of files that do not keep theirs: a stored one, or searched.")
+@click.option(
+    "--camera", metavar="VIEW|search", help="Camera of files that do not keep theirs: a stored one, or searched."
+)
 @click.option("--region", metavar="X0,Y0,X1,Y1", help="Only these pixels count.")
+@click.option("-o", "output", type=click.Path(dir_okay=False, path_type=Path), help="Draw a figure there.")
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 def which(
-    scene: Path, pictures: tuple[str, ...], runs: Path, camera: str | None, region: str | None, *, as_json: bool
+    scene: Path,
+    pictures: tuple[str, ...],
+    runs: Path,
+    camera: str | None,
+    region: str | None,
+    output: Path | None,
+    *,
+    as_json: bool,
 ) -> None:
     """Say which parameters draw the PICTUREs, with 90 % intervals.
 
@@ -37,7 +47,13 @@ def which(
             box = region_of(region)
             targets = [target.region(box) for target in targets]
         answer = invert(surrogate, targets, catalog, opened.folder)
+        if output is not None:
+            from surrogate.answers.inverse_figures import save_inverse
+
+            save_inverse(answer, surrogate, targets, catalog.plan.background, output)
     click.echo(json.dumps(answer.to_json(), indent=1) if as_json else "\n".join(answer.sentences))
+    if output is not None:
+        click.echo(f"-> {output}", err=as_json)
 
 
 def region_of(text: str) -> tuple[int, int, int, int]:
