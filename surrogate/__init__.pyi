@@ -1,3 +1,6 @@
+from surrogate.answers.posterior import invert as invert
+from surrogate.answers.posterior import invert_numbers as invert_numbers
+from surrogate.answers.targets import Target as Target
 from surrogate.explore.server.notebook import show as show
 from surrogate.model import Surrogate as Surrogate
 from surrogate.model import look_at as look_at

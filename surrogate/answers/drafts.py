@@ -75,10 +75,8 @@ class Draft:
         return pictures
 
     def _casters(self, points: Array) -> list[VolumeCaster | SurfaceCaster]:
-        emulator, places, inverse = self.emulator, *np.unique(points, axis=0, return_inverse=True)
-        scaled = emulator.mean + emulator.processes.means(places).astype(np.float32) @ emulator.modes  # [B, V]
-        values = scaled if emulator.scale is None else emulator.scale.values(scaled).astype(np.float32)
-        casters = [self._caster(v.reshape(emulator.shape), p) for v, p in zip(values, places, strict=True)]
+        places, inverse = np.unique(points, axis=0, return_inverse=True)
+        casters = [self._caster(v, p) for v, p in zip(values_at(self.emulator, places), places, strict=True)]
         return [casters[i] for i in inverse.ravel()]
 
     def _caster(self, values: NDArray[np.float32], point: Array) -> VolumeCaster | SurfaceCaster:
@@ -86,3 +84,10 @@ class Draft:
         if isinstance(self.appearance, VolumeRendering):
             return VolumeCaster.of(field, self.appearance, sample_distance=self.sample_distance, threads=1)
         return SurfaceCaster.of(field, self.appearance)
+
+
+def values_at(emulator: FieldEmulator, points: Array) -> NDArray[np.float32]:
+    """The fields (B, Z, Y, X) that an emulator expects at normalized parameters (B, P)."""
+    scaled = emulator.mean + emulator.processes.means(points).astype(np.float32) @ emulator.modes  # [B, V]
+    values = scaled if emulator.scale is None else emulator.scale.values(scaled).astype(np.float32)
+    return values.reshape(len(points), *emulator.shape)

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from catalogs.vocabulary.cameras import Camera
 from catalogs.vocabulary.words import one_line
+from surrogate.answers.number_targets import NumberResiduals
 from surrogate.answers.residuals import Residuals, angle_between
 from surrogate.randomness import sobol_points
 
@@ -25,7 +26,8 @@ DAMPING, LEAST_GAIN = 1e-3, 1e-3
 
 Array = NDArray[np.float64]
 Function = Callable[[Array], Array]  # of points (B, U) in [-1, 1], (B, N)
-Start = tuple[Residuals, Array]  # where a fit begins, (U,)
+Problem = Residuals | NumberResiduals
+Start = tuple[Problem, Array]  # where a fit begins, (U,)
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,13 +50,14 @@ class Fit:
     __repr__ = one_line
 
 
-def best_fits(residuals: Residuals) -> list[Fit]:
+def best_fits(residuals: Problem) -> list[Fit]:
     """Local solutions, best first.
 
     Points are scanned, and the best fitted to, by drafts, where pictures are drawn from an emulated field at all.  Cameras that
     are not known are searched among the views, and fitted like parameters.
     """
-    if residuals.unknowns == residuals.parameters:
+    starts: list[Start]
+    if isinstance(residuals, NumberResiduals) or residuals.unknowns == residuals.parameters:
         starts = [(residuals, point) for point in scanned(residuals)[:STARTS]]
     else:
         starts = searched(residuals)
@@ -86,7 +89,7 @@ def roughly(starts: Sequence[Start]) -> list[Start]:
     return list(starts)
 
 
-def scanned(residuals: Residuals) -> Array:
+def scanned(residuals: Problem) -> Array:
     """Sobol points (N, U), those with the least residuals first; cameras stay."""
     quick = (residuals.draft or residuals).at_most(SCAN_SIDE)
     parameters = residuals.parameters
@@ -95,7 +98,7 @@ def scanned(residuals: Residuals) -> Array:
     return np.asarray(points[quick.costs(points).argsort(kind="stable")])
 
 
-def again(residuals: Residuals, point: Array) -> list[Start]:
+def again(residuals: Problem, point: Array) -> list[Start]:
     """A solution, and the best of a scan by its cameras."""
     own = residuals.seen_from(dict(enumerate(residuals.seen_by(point))))
     here = np.append(point[: own.parameters], np.zeros(own.unknowns - own.parameters))

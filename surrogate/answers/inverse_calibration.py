@@ -6,7 +6,7 @@ import math
 import time
 from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +17,7 @@ from catalogs.store.members import Member
 from catalogs.vocabulary import numbers
 from surrogate.answers.doubt import key_of
 from surrogate.answers.inverse import Fit, best_fits
+from surrogate.answers.number_targets import NumberResiduals, with_errors
 from surrogate.answers.residuals import Residuals
 from surrogate.answers.sampling import RIDGE
 from surrogate.answers.targets import Target, stored_target
@@ -93,6 +94,20 @@ def measure(surrogate: Surrogate, catalog: Catalog, pictures: int) -> InverseCal
         fits.append(best_fits(Residuals.of(fair, targets, catalog.plan.background))[0])
         truths.append(fair.space.normalize(fair.space.values(unseen[number].parameters, outside="allow")))
     return InverseCalibration.of(fits, truths)
+
+
+def numbers_calibrated(residuals: NumberResiduals, catalog: Catalog) -> tuple[NumberResiduals, InverseCalibration]:
+    """(residuals by the errors at validation members, the calibration by these); raises ValueError for fewer than four."""
+    fair, each, truths = with_errors(residuals.learning(catalog), catalog, "validation")
+    if len(each) < FEWEST:
+        raise ValueError(
+            f"{catalog.path} keeps the field of {len(each)} validation members, and at least {FEWEST} must calibrate intervals"
+        )
+    some = spread(len(each), MOST)
+    own = InverseCalibration.of([best_fits(each[i])[0] for i in some], [truths[i] for i in some])
+    # Errors are known: one observation counts as much as its error, and a solution may be as far off.
+    factor, residual = max(own.factor, 1.0 / len(residuals.values)), max(own.residual, 1.0)
+    return replace(residuals, errors=fair.errors), InverseCalibration(factor, residual, own.members)
 
 
 def targets_for(catalog: Catalog, member: Member, views: Sequence[int], pictures: int, number: int) -> list[Target]:

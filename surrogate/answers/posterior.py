@@ -17,11 +17,13 @@ import numpy as np
 
 from catalogs.store.catalog import Catalog
 from catalogs.vocabulary.cameras import Camera
-from surrogate.answers.inverse import Fit, best_fits
-from surrogate.answers.inverse_calibration import InverseCalibration, calibration_of
+from surrogate.answers.inverse import Fit, Problem, best_fits
+from surrogate.answers.inverse_calibration import InverseCalibration, calibration_of, numbers_calibrated
+from surrogate.answers.number_targets import NumberResiduals, Wanted
 from surrogate.answers.residuals import Residuals
 from surrogate.answers.sampling import distinct, samples_of
 from surrogate.answers.targets import Target, views_of
+from surrogate.emulation.measures import Box
 from surrogate.emulation.validation import SHARE
 from surrogate.model import Surrogate
 from surrogate.splatting.threads import one_torch_thread
@@ -52,7 +54,7 @@ class ParameterAnswer:
     def sentence(self) -> str:
         """All of it for a reader."""
         text = f"{self.name} = {self.value:.4g} ({self.low:.4g} to {self.high:.4g})"
-        return text if self.identified else f"{text}: not shown by the pictures"
+        return text if self.identified else f"{text}: not shown"
 
 
 @dataclass(frozen=True)
@@ -98,7 +100,9 @@ class Inverse:
             said.insert(
                 0,
                 f"No parameters draw such a picture: it is {self.residual_ratio:.1f} times as far off as pictures of "
-                "validation members are at most. Another field, function or camera?",
+                "validation members are at most. Another field, function or camera?"
+                if self.cameras[0]
+                else "No parameters give such numbers: they are farther off than the emulator errs",
             )
         return said
 
@@ -130,13 +134,29 @@ def invert(surrogate: Surrogate, targets: Sequence[Target], catalog: Catalog, fo
     return solved(residuals, calibration_of(surrogate, catalog, len(targets), folder))
 
 
+def invert_numbers(
+    surrogate: Surrogate,
+    wanted: Sequence[Wanted],
+    catalog: Catalog,
+    *,
+    field: str | None = None,
+    box: Box | None = None,
+) -> Inverse:
+    """The simulation's parameters at which a field has the numbers that are wanted, in a `box` or everywhere.
+
+    Validation members say how far off the emulator's numbers are.  By default it is the field that is drawn.  Raises ValueError
+    for no numbers, an unknown field, and where fewer than four validation members keep it.
+    """
+    return solved(*numbers_calibrated(NumberResiduals.of(surrogate, wanted, field, box), catalog))
+
+
 @one_torch_thread()
-def solved(residuals: Residuals, calibration: InverseCalibration) -> Inverse:
+def solved(residuals: Problem, calibration: InverseCalibration) -> Inverse:
     """Like `invert`, by a calibration."""
     return answer_of(residuals, best_fits(residuals), calibration)
 
 
-def answer_of(residuals: Residuals, local: Sequence[Fit], calibration: InverseCalibration) -> Inverse:
+def answer_of(residuals: Problem, local: Sequence[Fit], calibration: InverseCalibration) -> Inverse:
     """The answer by local solutions, best first."""
     space, fits = residuals.surrogate.space, distinct(local, calibration.factor)
     samples, sampled = samples_of(residuals, fits, calibration.factor)

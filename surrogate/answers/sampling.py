@@ -9,15 +9,18 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2, truncnorm
 
-from surrogate.answers.inverse import FIT_SIDE, Fit
-from surrogate.answers.residuals import AT_ONCE, Residuals, angle_between
+from surrogate.answers.inverse import FIT_SIDE, Fit, Problem
+from surrogate.answers.number_targets import NumberResiduals
+from surrogate.answers.residuals import AT_ONCE, angle_between
 from surrogate.emulation.validation import SHARE
+from surrogate.randomness import sobol_points
 
 SAMPLES, SWEEPS = 400, 20
 CHECKED_DRAFTS, CHECKED = 96, 48  # samples whose pictures check the normal approximation
 AGREE = 0.3  # the share of these that count, below which the approximation is replaced
 WALKERS, MOVES = 48, 8  # samples that move then, and how often
 STRETCH = 2.0
+MAPPED, JITTER = 2048, 0.02  # points over the box, and how far walkers begin from these
 SAME_VIEW = math.radians(5.0)
 RIDGE = 1e-12
 
@@ -43,12 +46,15 @@ def _apart(fit: Fit, other: Fit, most: float) -> bool:
     return bool(difference @ other.curvature @ difference > most)
 
 
-def samples_of(residuals: Residuals, fits: Sequence[Fit], factor: float) -> tuple[Array, bool]:
+def samples_of(residuals: Problem, fits: Sequence[Fit], factor: float) -> tuple[Array, bool]:
     """(samples (S, U), and False where the normal approximation holds): those of all solutions, about as many of each.
 
     Pictures at some of the normal samples check the approximation.  Where these say otherwise, samples move by the likelihood
-    itself (Goodman & Weare 2010, "Ensemble samplers with affine invariance").
+    itself (Goodman & Weare 2010, "Ensemble samplers with affine invariance").  Few numbers of a field settle combinations of
+    parameters at most: their likelihood is mapped over the box.
     """
+    if isinstance(residuals, NumberResiduals):
+        return _mapped(residuals, fits[0], factor), True
     samples = [normal_samples(fit, factor, seed) for seed, fit in enumerate(fits)]
     moved, wrong = [], False
     for seed, (fit, own) in enumerate(zip(fits, samples, strict=True)):
@@ -67,7 +73,20 @@ def samples_of(residuals: Residuals, fits: Sequence[Fit], factor: float) -> tupl
     return np.concatenate([_stretched(c, s[:walkers], f[:walkers], factor, seed) for c, s, f, seed in moved]), True
 
 
-def _costs_near(residuals: Residuals, fit: Fit) -> tuple[Callable[[Array], Array], int]:
+def _mapped(residuals: NumberResiduals, fit: Fit, factor: float) -> Array:
+    """(S, P), the likeliest of many points over the box, after moves."""
+    costs, _ = _costs_near(residuals, fit)
+    points = np.concatenate([fit.point[None], sobol_points(MAPPED, len(fit.point))])
+    own_costs = costs(points)
+    weights = np.exp(-(own_costs - own_costs.min()) / (2.0 * factor))
+    chosen = np.random.default_rng(0).choice(len(points), 2 * WALKERS, p=weights / weights.sum())
+    spread = np.clip(
+        points[chosen] + JITTER * np.random.default_rng(1).standard_normal(points[chosen].shape), -1.0, 1.0
+    )
+    return _stretched(costs, spread, costs(spread), factor, 0)
+
+
+def _costs_near(residuals: Problem, fit: Fit) -> tuple[Callable[[Array], Array], int]:
     """Costs of points (B, U) near a solution, equal to those that it was fitted by there, and how many are affordable."""
     own = residuals.seen_from(dict(enumerate(fit.cameras))).at_most(FIT_SIDE)
     if own.draft is None:

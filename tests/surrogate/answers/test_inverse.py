@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
+from catalogs.files.images import read_image
 from catalogs.store.catalog import Catalog
 from catalogs.vocabulary.cameras import Camera
 from surrogate.answers.inverse import Fit, derivative, fitted
@@ -104,3 +105,16 @@ def test_solutions_are_distinct_where_neither_holds_the_other() -> None:
         for p, c in (([0, 0], 0.0), ([0.001, 0], 0.1), ([0.5, 0], 0.2), ([-0.5, 0], 90.0))
     ]
     assert [fit.cost for fit in distinct(fits, 1.0)] == [0.0, 0.2]
+
+
+def test_a_figure_shows_pictures_and_intervals_or_intervals_alone(two: Path, tmp_path: Path) -> None:
+    name = _tested(Catalog.open(two / "catalog.cdb"))
+    sizes = []
+    for case in ([f"{name}:0", f"{name}:1", "--region", "4,4,28,28"], [f"{name}:0"], ["--value", "maximum=9"]):
+        path = tmp_path / "figure.png"
+        made = CliRunner().invoke(main, ["ask", "which", str(two), *case, "-o", str(path)])
+        assert made.exit_code == 0, made.output
+        assert f"-> {path}" in made.output
+        sizes.append(read_image(path).shape)
+    assert sizes[0][0] > sizes[1][0]
+    assert sizes[1][1] > sizes[2][1]
