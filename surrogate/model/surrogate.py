@@ -208,7 +208,7 @@ class Surrogate:
         ----------
         device : "cpu", whose gradients are those of the C++ kernels, or "cuda", of gsplat, which draws Gaussians alone.
         dtype : float32, or float64, which plain torch draws: slow, and the definition.
-        edges : False for those of single pixels, up to a quarter too small over a picture, see docs/python.md; so are gsplat's.
+        edges : False for derivatives of single pixels, up to a quarter too small over a picture; gsplat has these alone.
 
         Raises as `to`, and ValueError for other types, or an emulated field on "cuda".  The numbers are copies.
         """
