@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from catalogs.store.catalog import Catalog, Member
+from catalogs.store.catalog import Catalog
 from catalogs.store.splits import run_numbers
 from catalogs.vocabulary.parameters import ParameterSpace
 from catalogs.vocabulary.words import joined_names, one_line, plural
@@ -131,15 +131,15 @@ def next_runs(
     candidates = catalog.plan.space.denormalize(
         sobol_points(CANDIDATES, len(space), seed)
     )  # [C, P], even as the plan means it
-    name, emulator = next(iter(fields.items())) if fields else ("", None)
     points, possible = space.normalize(existing), space.normalize(candidates)
-    if emulator is None:
+    if not fields:
         runs = candidates[farthest(possible, points, count)]
         return NextRuns(space, runs, named, why_no_curve="the catalog keeps no coarse fields to learn from")
+    name, emulator = next(iter(fields.items()))
     runs = candidates[best_points(emulator, points, possible, count)]
     learnt = [m for m in catalog.members if m.split in splits and name in m.coarse_names()]
     errors = {m.name: float(e / emulator.spread) for m, e in zip(learnt, emulator.errors, strict=True)}
-    return NextRuns(space, runs, named, mean_lengths(emulator), *_curve(learnt, name, emulator, space), errors)
+    return NextRuns(space, runs, named, mean_lengths(emulator), *learning_curve(catalog, fields, splits=splits), errors)
 
 
 def mean_lengths(emulator: FieldEmulator) -> NDArray[np.float64]:
@@ -189,13 +189,16 @@ def farthest(candidates: NDArray[np.float64], points: NDArray[np.float64], count
     return chosen
 
 
-def _curve(
-    learnt: Sequence[Member], name: str, emulator: FieldEmulator, space: ParameterSpace
+def learning_curve(
+    catalog: Catalog, fields: EmulatedFields, *, splits: Sequence[str] = ("train",)
 ) -> tuple[LearningCurve | None, str]:
-    """The learning curve of a field of members, or the reason why there is none."""
+    """The learning curve of the first field over members of `splits`, or the reason why there is none; see `LearningCurve.of`."""
+    space = catalog.plan.space.with_logarithms()
+    name, emulator = next(iter(fields.items()))
+    learnt = [m for m in catalog.members if m.split in splits and name in m.coarse_names()]
     points = space.normalize([[m.parameters[p] for p in space.names] for m in learnt])
-    fields = [coarse.values for m in learnt if (coarse := m.coarse_field(name)) is not None]
+    values = [coarse.values for m in learnt if (coarse := m.coarse_field(name)) is not None]
     try:
-        return LearningCurve.of(points, np.stack(fields), emulator.scale, runs=run_numbers(learnt, space)), ""
+        return LearningCurve.of(points, np.stack(values), emulator.scale, runs=run_numbers(learnt, space)), ""
     except TooFew as error:
         return None, str(error)

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from typing import Any
+
+from numpy.typing import NDArray
 
 from catalogs.store.catalog import Catalog
 from catalogs.vocabulary.variations import Variation
@@ -43,12 +45,14 @@ REPRESENTED = {
     GAUSSIANS: "the Gaussians",
     BOTH: "the mean image of Gaussians and field",
 }
+MEAN_IMAGE = "mean image"  # of the training members, at the same view
 AT_NEAREST = "the surrogate at the nearest trained setting"
 AT_CENTER = "the surrogate at the centre of the parameters"
 
 DEFINITIONS = {"covered": "share of an image's pixels that are foreground in the truth, as above; mean over images"}
 
 CaseGroups = Mapping[str, Sequence[Case]]
+Pictures = Iterator[tuple[Case, NDArray[Any]]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,6 +66,7 @@ class Baseline:
     degrees : largest angle between a view and the stored view that stands in for it.
     settings : per column, the fewest and the most trained settings of a predicted member.
     representation : of the surrogate, that it draws; "" for other predictors.
+    pictures : predicts the cases that it can, in any order: premultiplied RGBA (H, W, 4), uint8 or float32.
     """
 
     name: str
@@ -69,6 +74,7 @@ class Baseline:
     degrees: float = 0.0
     settings: Mapping[str, tuple[int, int]] = field(default_factory=dict)
     representation: str = ""
+    pictures: Callable[[Sequence[Case]], Pictures] = field(default=lambda _: iter(()), repr=False)
 
 
 @dataclass(frozen=True, eq=False)
@@ -154,6 +160,13 @@ def measured_row(variation: Variation) -> str:
     return "unseen_settings" if variation.continuous else "seen_settings"
 
 
+def _pictures(predictor: Predictor, number: int, cases: Sequence[Case]) -> Pictures:
+    """The pictures of cases by one of a predictor's names."""
+    for batch, draw in predictor.batches(cases):
+        for case in batch:
+            yield case, list(draw(case))[number]
+
+
 @dataclass(frozen=True, eq=False)
 class _Engine:
     """Scores the surrogate and its baselines on groups of images of one catalog."""
@@ -203,8 +216,13 @@ class _Engine:
         cases, progress = [case for group in groups.values() for case in group], partial(self.progress, stage)
         scores = score_cases(predictor, self.images, cases, progress=progress)
         return [
-            Baseline(name, {g: [scores_of[c] for c in group if c in scores_of] for g, group in groups.items()}, **facts)
-            for name, scores_of in zip(predictor.names, scores, strict=True)
+            Baseline(
+                name,
+                {g: [scores_of[c] for c in group if c in scores_of] for g, group in groups.items()},
+                pictures=partial(_pictures, predictor, number),
+                **facts,
+            )
+            for number, (name, scores_of) in enumerate(zip(predictor.names, scores, strict=True))
         ]
 
     def other_representations(self, kind: str, groups: CaseGroups) -> list[Baseline]:

@@ -60,6 +60,12 @@ def mean(scored: Iterable[Scored], metric: str) -> float | None:
     return float(np.mean(values)) if values else None
 
 
+def one_in_ten(scored: Iterable[Scored], metric: str) -> float | None:
+    """The metric that a tenth of the images which have one are below; None without any."""
+    values = [value for s in scored if not math.isnan(value := s.value(metric))]
+    return float(np.quantile(values, 0.1)) if values else None
+
+
 def compare(
     case: Case,
     truth: TrueImage,

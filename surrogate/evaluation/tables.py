@@ -15,13 +15,14 @@ HEADINGS = {
     "psnr": "PSNR (dB)",
     "psnr_of_mean_error": "PSNR of the mean error (dB)",
     "psnr_foreground": "PSNR of the foreground (dB)",
+    "one_in_ten": "one in ten is below (dB)",
     "ssim": "SSIM",
     "ms_ssim": "MS-SSIM",
     "lpips": "LPIPS",
     "flip": "FLIP",
     "covered": "covered pixels",
 }
-DECIBELS = ("psnr", "psnr_of_mean_error", "psnr_foreground")
+DECIBELS = ("psnr", "psnr_of_mean_error", "psnr_foreground", "one_in_ten")
 NOTHING = "–"
 
 Entry = TypeVar("Entry")
@@ -73,9 +74,9 @@ def plain_spread(spread: Mapping[str, float], digits: int) -> str:
     return f"{spread['mean']:,.{digits}f} ± {spread['deviation']:,.{digits}f}"
 
 
-def terminal_line(label: str, psnr: float, ssim: float) -> str:
-    """PSNR and SSIM of a group of images, for a terminal."""
-    return f"{label:<38} {psnr:6.2f} dB   SSIM {ssim:.4f}"
+def terminal_line(label: str, foreground: float | None, psnr: float, ssim: float) -> str:
+    """PSNR of the foreground and of whole images, and SSIM, of a group of images, for a terminal."""
+    return f"{label:<38} foreground {number(foreground):>5} dB, whole {psnr:5.2f} dB, SSIM {ssim:.4f}"
 
 
 def document(*blocks: str) -> str:
@@ -116,52 +117,6 @@ def cell_table(
     )
 
 
-def perceptual_remarks(record: Mapping[str, Any], unavailable: Mapping[str, str]) -> str:
-    """Remarks below a `cell_table`: the number of images behind perceptual metrics, and reasons for empty columns."""
-    counts = [count for columns in record["perceptual_images"].values() for count in columns.values()]
-    if not any(counts):
-        return ""
-    empty = [
-        m for m in PERCEPTUAL_METRICS if all(v is None for columns in record[m].values() for v in columns.values())
-    ]
-    listed = ", ".join(HEADINGS[m] for m in PERCEPTUAL_METRICS if m not in empty)
-    sentences = [f"{listed}: at most {max(counts)} images of a cell, evenly spread."] if listed else []
-    for metric in empty:
-        reason = unavailable.get(metric, "these images are too small for it")
-        sentences.append(f"{HEADINGS[metric]} is missing: {reason}.")
-    return "  \n".join(sentences)
-
-
-def center_table(record: Mapping[str, Any], names: tuple[str, str]) -> list[str]:
-    """The surrogate frozen at the centre of its parameters beside itself, with a row for each cell; empty if unknown."""
-    center = record.get("at_center")
-    if center is None:
-        return []
-
-    def gap(row: str, column: str) -> str:
-        return signed_number(lead(record["psnr"][row][column], center["psnr"][row][column]))
-
-    at = ", ".join(f"{name} = {value:.6g}" for name, value in center["parameters"].items())
-    metrics = ("psnr", "psnr_foreground", "ssim")
-    cells = [(row, column, count) for row, of in center["images"].items() for column, count in of.items() if count]
-    return [
-        f"Baseline: the surrogate frozen at the centre of parameter space ({at}).  The gap is the value of parameter dependence.",
-        table(
-            (*names, *(HEADINGS[m] for m in metrics), "gap (dB)", "images"),
-            (
-                (
-                    _short(row),
-                    _short(column),
-                    *(metric_number(m, center[m][row][column]) for m in metrics),
-                    gap(row, column),
-                    str(count),
-                )
-                for row, column, count in cells
-            ),
-        ),
-    ]
-
-
 def validation_line(record: Mapping[str, Any], what: str) -> str:
     """Scores of a record's validation images, and the number of images behind choices; `what` describes them."""
     parts, decided = record["validation"], record.get("decided_on") or {}
@@ -170,7 +125,8 @@ def validation_line(record: Mapping[str, Any], what: str) -> str:
         for use, verb in (("choices", "decided the choices about the model"), ("watched", "were watched in training"))
         if decided.get(use)
     ]
-    text = f"Validation ({parts['images']} images{what}): {number(parts['psnr'])} dB, SSIM {number(parts['ssim'], 4)}."
+    foreground, psnr, ssim = (metric_number(name, parts[name]) for name in ("psnr_foreground", "psnr", "ssim"))
+    text = f"Validation ({parts['images']} images{what}): foreground {foreground} dB, whole pictures {psnr} dB, SSIM {ssim}."
     return f"{text}  {' and '.join(uses)}." if uses else text
 
 

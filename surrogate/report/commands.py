@@ -79,21 +79,21 @@ def _summary(report: Mapping[str, Any]) -> Iterator[str]:
     from surrogate.evaluation.tables import terminal_line
     from surrogate.report.emulated import numbers_lines
     from surrogate.report.page import empty_line
-    from surrogate.report.variations import variation_line
+    from surrogate.report.variations import SHOWN, variation_line
     from surrogate.training.messages import UNKNOWN
 
     for views, columns in report["images"].items():
         for parameters in columns:
-            values = [report[metric][views][parameters] for metric in ("psnr", "ssim")]
-            if None not in values:
-                yield terminal_line(f"{views}, {parameters}".replace("_", " "), *values)
+            foreground, psnr, ssim = (report[metric][views][parameters] for metric in SHOWN)
+            if psnr is not None:
+                yield terminal_line(f"{views}, {parameters}".replace("_", " "), foreground, psnr, ssim)
     if text := empty_line(report):
         yield text
     if not any(columns["unseen_parameters"] for columns in report["images"].values()):
         yield UNKNOWN
     for entry in report["trivial_predictors"]:
-        value = entry["psnr"]["unseen_views"]["unseen_parameters"]
-        if value is not None:
-            yield f"{entry['name']:<38.38} {value:6.2f} dB   (unseen views, unseen parameters)"
+        foreground, psnr, ssim = (entry[metric]["unseen_views"]["unseen_parameters"] for metric in SHOWN)
+        if psnr is not None:
+            yield f"{terminal_line(entry['name'][:38], foreground, psnr, ssim)}   (unseen views, unseen parameters)"
     yield from map(variation_line, report["variations"])
     yield from numbers_lines(report)

@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Iterator, Mapping
 from typing import Any
 
-from surrogate.evaluation.cases import VALIDATION
 from surrogate.evaluation.tables import (
-    NOTHING,
+    HEADINGS,
     cell_table,
-    center_table,
     document,
     lead,
     metric_column,
     number,
-    perceptual_remarks,
     signed_number,
     table,
     table_of,
@@ -24,33 +21,74 @@ from surrogate.evaluation.tables import (
 from surrogate.model.representation import FIELD
 from surrogate.provenance import in_words
 from surrogate.report.emulated import numbers_section, own_name, representations_section
-from surrogate.report.variations import variation_section
+from surrogate.report.figures import MORE, STRIP, WHERE
+from surrogate.report.members import BLOCKS
+from surrogate.report.variations import SHOWN, center_row, variation_section
+from surrogate.report.verdict import BELIEVED, FOREGROUND
+
+CAPTIONS = {
+    WHERE: "What matters: how much the colours of pictures would change over a parameter's range at the rate measured at some "
+    "members, white to black being 100 %.  `surrogate ask matters RUN` shows where in a picture, and over all parameters.",
+    MORE: "`surrogate ask next RUN -n 8` suggests further runs.",
+}
 
 
 def page(record: Mapping[str, Any], pictures: Mapping[str, str]) -> str:
     """The page of a report; `pictures` are file names by title."""
+    before, varied = ((STRIP, WHERE, MORE), [title for title in pictures if title not in (STRIP, WHERE, MORE)])
     return document(
         f"# {record['scene']}",
-        f"Commit `{record['commit']}`, {in_words(record['machine'])}, seed {record['seed']}, {record['made']}.",
+        record["verdict"],
         _ensemble(record.get("ensemble")),
-        "## How good",
-        cell_table(record, ("views", "parameters")),
+        *(block for title in before for block in _picture(title, pictures)),
+        "## How close",
+        cell_table(
+            {**record, "one_in_ten": record["one_in_ten"][FOREGROUND]},
+            ("views", "parameters"),
+            (FOREGROUND, "one_in_ten", "psnr", "ssim"),
+        ),
         empty_line(record),
-        perceptual_remarks(record, record["unavailable"]),
-        validation_line(record, ""),
-        *center_table(record, ("views", "parameters")),
-        "## Beside trivial predictors",
+        f"{validation_line(record, '')}  `report.json` has MS-SSIM, LPIPS and FLIP, where they could be computed.",
+        "## Beside simple predictions",
         *_baselines(record),
         *representations_section(record),
         *numbers_section(record),
+        *(block for one in record["variations"] for block in variation_section(one)),
+        *(block for title in varied for block in _picture(title, pictures)),
         "## How fast, how large",
         _costs(record),
-        *(block for varied in record["variations"] for block in variation_section(varied, record["unavailable"])),
-        *_needs(record),
-        *(block for title, name in pictures.items() for block in (f"## {title}", f"![{title}]({name})")),
         "## Definitions",
-        "\n".join(f"- **{name}**: {text}." for name, text in record["definitions"].items()),
+        "\n".join(f"- **{name}**: {text}." for name, text in _definitions(record)),
+        f"<sub>Commit `{record['commit']}`, {in_words(record['machine'])}, seed {record['seed']}, {record['made']}.</sub>",
     )
+
+
+def _picture(title: str, pictures: Mapping[str, str]) -> list[str]:
+    """A picture under its heading, with what it takes to read it; empty where there is none."""
+    if title not in pictures:
+        return []
+    return [f"## {title}", CAPTIONS.get(title, ""), f"![{title}]({pictures[title]})"]
+
+
+def _definitions(record: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+    """The meaning of the columns, and of words in the first paragraph."""
+    for metric in ("psnr", FOREGROUND, "ssim", "covered"):
+        if metric in record["definitions"]:
+            yield HEADINGS[metric].removesuffix(" (dB)"), record["definitions"][metric]
+    yield (
+        "structures, colours, fine detail",
+        f"averages over blocks of 1/{BLOCKS} of a picture's side as grey and as colours, and what they leave; believed where the "
+        f"squared error is at most {_percent('structures')}, {_percent('colours')} and {_percent('details')} of that of the mean "
+        "image (Murphy 1988)",
+    )
+    yield (
+        "a range of parameters",
+        "named where it holds all members meant, and chance would put them there in less than 5 % of cases",
+    )
+
+
+def _percent(aspect: str) -> str:
+    return f"{100.0 * (1.0 - BELIEVED[aspect]):.0f} %"
 
 
 def empty_line(record: Mapping[str, Any]) -> str:
@@ -78,25 +116,22 @@ def _baselines(record: Mapping[str, Any]) -> list[str]:
     if not entries:
         return [_without_baselines(record)]
 
+    unseen = ("unseen_views", "unseen_parameters")
+
     def ahead(entry: Mapping[str, Any]) -> str:
-        psnr, other = (one["psnr"]["unseen_views"]["unseen_parameters"] for one in (record, entry))
+        psnr, other = (one[FOREGROUND]["unseen_views"]["unseen_parameters"] for one in (record, entry))
         return "" if entry is own else signed_number(lead(psnr, other))
 
-    own, unseen = {**record, "name": own_name(record)}, ("unseen_views", "unseen_parameters")
+    own = {**record, "name": own_name(record)}
     borrowed = max(entry["borrowed_view_degrees"] for entry in entries)
     return [
-        "At unseen parameters.  The predictors may use every view of the training members, also those unseen here; "
-        "the lead is the surrogate's at unseen views (negative: behind).",
+        "At unseen views and parameters.  Simple predictions mix the training members' pictures of the same view.  The lead is the "
+        "surrogate's, of the foreground (negative: behind).",
         table_of(
-            [own, *entries],
+            [own, *entries, *center_row(record)],
             ("", lambda entry: entry["name"]),
-            metric_column("PSNR, seen views", "psnr", "seen_views", "unseen_parameters"),
-            metric_column("PSNR, unseen views", "psnr", *unseen),
-            metric_column("of the mean error", "psnr_of_mean_error", *unseen),
-            metric_column("foreground, unseen views", "psnr_foreground", *unseen),
-            metric_column("SSIM, unseen views", "ssim", *unseen),
+            *(metric_column(HEADINGS[metric], metric, *unseen) for metric in SHOWN),
             ("lead (dB)", ahead),
-            metric_column("PSNR, validation", VALIDATION, "psnr"),
         ),
         f"The training members lack some of these views; the nearest one, up to {borrowed:.1f}° away, stands in."
         if borrowed
@@ -136,34 +171,3 @@ def _costs(record: Mapping[str, Any]) -> str:
 def _emulator_size(record: Mapping[str, Any]) -> str:
     scores = record.get("representations")
     return "" if scores is None else f"; emulated fields, {scores['megabytes'][FIELD]:.2f} MB"
-
-
-def _needs(record: Mapping[str, Any]) -> list[str]:
-    if not record["choices"]:
-        return []
-
-    def change(text: Callable[[Any, Any], str]) -> Callable[[Any], str]:
-        """The `text` of the model before and after a choice, where both are known."""
-        return lambda choice: (
-            text(choice["before"], choice["after"]) if choice["before"] and choice["after"] else NOTHING
-        )
-
-    def tried(choice: Mapping[str, Any]) -> str:
-        return " · ".join(f"{option['name']}: {option['psnr']:.2f}" for option in choice["options"]) or NOTHING
-
-    return [
-        "## What this ensemble needed",
-        "Chosen on validation images; each choice after the first was allowed to cost "
-        f"{record['settings']['need_tolerance']:g} dB.  The columns at the right "
-        "say how the model changed with it: negative decibels were lost, megabytes are those of the tensors, milliseconds those "
-        "of deforming and drawing one picture.",
-        table_of(
-            record["choices"],
-            ("", lambda choice: choice["name"]),
-            ("kept", lambda choice: choice["kept"]),
-            ("tried (validation PSNR, dB)", tried),
-            ("dB", change(lambda before, after: f"{after['psnr'] - before['psnr']:+.3f}")),
-            ("MB", change(lambda before, after: f"{before['megabytes']:.2f} → {after['megabytes']:.2f}")),
-            ("ms", change(lambda before, after: f"{before['milliseconds']:.2f} → {after['milliseconds']:.2f}")),
-        ),
-    ]

@@ -16,8 +16,11 @@ from surrogate.model.representation import VIEW
 from surrogate.report import figures
 from surrogate.report.decided import decided_on
 from surrogate.report.emulated import drawn_words, numbers_record, representations_record
+from surrogate.report.members import members_record
+from surrogate.report.outlook import outlook_record
 from surrogate.report.page import page
 from surrogate.report.summary import fingerprint, summarize
+from surrogate.report.verdict import verdict
 from surrogate.storage.records import read_json
 from surrogate.training.messages import learnt_line, members_line, tests_line
 
@@ -49,12 +52,15 @@ def write_report(
     for part, varied in zip((record, *record["variations"]), (None, *variations), strict=True):
         part["decided_on"] = decided_on(surrogate, catalog, varied)
         part["drawn"] = drawn_words(surrogate, VIEW if varied is None else varied.kind)
+    record["members"] = members_record(surrogate, catalog, evaluation)
+    record["outlook"] = outlook_record(surrogate, catalog)
+    record["verdict"] = verdict(record)
     durable.make_folder(directory.parent)
     durable.remove_abandoned(directory.parent)
     partial, retired = durable.partial_name(directory), durable.partial_name(directory)
     partial.mkdir()
     try:
-        pictures = figures.draw(partial, surrogate, catalog, evaluation)
+        pictures = figures.draw(partial, surrogate, catalog, evaluation, record)
         (partial / "report.md").write_text(page(record, pictures), encoding="utf-8")
         (partial / RECORD).write_text(json.dumps(record, indent=1, allow_nan=False), encoding="utf-8")
         if directory.exists():

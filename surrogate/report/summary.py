@@ -5,19 +5,20 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping
 from datetime import UTC, datetime
+from functools import partial
 from typing import Any
 
 from catalogs.vocabulary.variations import VariationSetting
 from surrogate.evaluation import evaluate, metrics, perceptual, scoring
 from surrogate.evaluation.cases import PARAMETERS, VALIDATION, VIEWS, each_cell
 from surrogate.evaluation.evaluate import VERSION, Baseline, Evaluation, VariedEvaluation
-from surrogate.evaluation.scoring import METRICS, mean
+from surrogate.evaluation.scoring import METRICS, mean, one_in_ten
 from surrogate.evaluation.tables import ALL_METRICS, cell_means, cell_tables, lead, means
 from surrogate.evaluation.trivial.settings import TrainedSettings
 from surrogate.model import Surrogate
 from surrogate.provenance import commit, machine
 
-CONTENTS = 3  # what else stands in a report; the scores, and what is kept of seeds, change with VERSION alone
+CONTENTS = 4  # what else stands in a report; the scores, and what is kept of seeds, change with VERSION alone
 
 
 def fingerprint(surrogate: Surrogate, unavailable: Iterable[str]) -> str:
@@ -48,7 +49,9 @@ def summarize(
         },
         "model_megabytes": surrogate.megabytes,
         "gaussians": len(surrogate.gaussians),
+        "parameters": surrogate.space.to_json(),
         **_scores(evaluation),
+        "one_in_ten": _one_in_ten(evaluation),
         "at_center": _at_center(evaluation, middle),
         "unavailable": dict(evaluation.unavailable),
         "empty_images": sum(math.isnan(s.score.psnr_foreground) for s in judged),
@@ -74,6 +77,13 @@ def _scores(part: Evaluation | VariedEvaluation, *more: str) -> dict[str, Any]:
         "perceptual_images": each_cell(part.cells, lambda scored: sum(s.perceptual is not None for s in scored)),
         "validation": {**means(part.validation, (*METRICS, *more)), "images": len(part.validation)},
     }
+
+
+def _one_in_ten(evaluation: Evaluation) -> dict[str, Any]:
+    """The decibels that a tenth of the images are below, by metric, row and column, and of validation images."""
+    metrics = ("psnr_foreground", "psnr")
+    cells = {m: each_cell(evaluation.cells, partial(one_in_ten, metric=m)) for m in metrics}
+    return {**cells, VALIDATION: {m: one_in_ten(evaluation.validation, m) for m in metrics}}
 
 
 def _at_center(part: Evaluation | VariedEvaluation, middle: Mapping[str, float]) -> dict[str, Any] | None:

@@ -5,19 +5,17 @@ Of other fields none is unseen: all are trained.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from catalogs.vocabulary.variations import KINDS
 from surrogate.evaluation.cases import PARAMETERS, VALIDATION
 from surrogate.evaluation.scoring import METRICS
 from surrogate.evaluation.tables import (
-    ALL_METRICS,
+    HEADINGS,
     cell_table,
-    center_table,
     metric_column,
     number,
-    perceptual_remarks,
     signed_number,
     table,
     table_of,
@@ -27,8 +25,10 @@ from surrogate.evaluation.tables import (
 )
 from surrogate.report.emulated import own_name
 
+SHOWN = ("psnr_foreground", "psnr", "ssim")  # the foreground first: background flatters whole pictures
 
-def variation_section(record: Mapping[str, Any], unavailable: Iterable[str]) -> list[str]:
+
+def variation_section(record: Mapping[str, Any]) -> list[str]:
     """The blocks of Markdown about one of a report's variations."""
     kind = KINDS[record["kind"]]
     names, images, deformation = (
@@ -48,10 +48,8 @@ def variation_section(record: Mapping[str, Any], unavailable: Iterable[str]) -> 
     return [
         f"## {title}",
         text,
-        cell_table({**record, "images": images}, (names, "parameters"), (*ALL_METRICS, "covered")),
-        perceptual_remarks(record, dict.fromkeys(unavailable, "the reason stands above")),
+        cell_table({**record, "images": images}, (names, "parameters"), (*SHOWN, "covered")),
         validation_line(record, judged),
-        *center_table(record, (names, "parameters")),
         *baselines,
         _settings(record),
         table(
@@ -68,12 +66,12 @@ def variation_line(record: Mapping[str, Any]) -> str:
     """A variation in one line, for a terminal."""
     kind = KINDS[record["kind"]]
     row, names = ("unseen_settings", f"unseen {kind.plural}") if kind.continuous else ("seen_settings", kind.plural)
-    psnr, ssim = (record[metric][row]["unseen_parameters"] for metric in ("psnr", "ssim"))
+    foreground, psnr, ssim = (record[metric][row]["unseen_parameters"] for metric in SHOWN)
     if psnr is None:
         return f"{kind.plural}: {'no unseen ones' if kind.continuous else 'none'} at unseen parameters"
     behind = record["behind"]["unseen_parameters"]
     beside = "" if behind is None else f"   ({_signed(behind)} seen ones)"
-    return terminal_line(f"{names}, unseen parameters", psnr, ssim) + beside
+    return terminal_line(f"{names}, unseen parameters", foreground, psnr, ssim) + beside
 
 
 def _behind(record: Mapping[str, Any]) -> str:
@@ -95,20 +93,30 @@ def _baselines(record: Mapping[str, Any]) -> list[str]:
 
     means = {m: {**record[m]["unseen_settings"], VALIDATION: record[VALIDATION].get(m)} for m in METRICS}
     own = {"name": own_name(record), "settings_shown": {}, "lead": {}, **means}
-    headings = ("PSNR, unseen parameters", "of the mean error", "of the foreground", "SSIM")
+    center = [
+        {"settings_shown": {}, "lead": {}, **row, **{m: row[m]["unseen_settings"] for m in SHOWN}}
+        for row in center_row(record)
+    ]
     return [
         table_of(
-            (own, *record["trivial_predictors"]),
+            (own, *record["trivial_predictors"], *center),
             ("", lambda entry: entry["name"] + _remark(entry["settings_shown"], record["settings_trained"])),
-            metric_column("PSNR, seen parameters", "psnr", "seen_parameters"),
-            *(metric_column(h, metric, "unseen_parameters") for h, metric in zip(headings, METRICS, strict=True)),
+            *(metric_column(HEADINGS[metric], metric, "unseen_parameters") for metric in SHOWN),
             ("lead (dB)", lambda entry: signed_number(entry["lead"].get("unseen_parameters"))),
-            metric_column("PSNR, validation", "psnr", VALIDATION),
         ),
         "Those from stored pictures must have the same member, rendered at the same view with trained settings: they predict no "
-        "simulation; those from training members alone need nothing of it.  The lead is the surrogate's on the same images "
-        "(negative: behind); it, and the columns between, are at unseen parameters.",
+        "simulation; those from training members alone need nothing of it.  The lead is the surrogate's over whole pictures, on "
+        "the same images (negative: behind).  All are at unseen parameters.",
     ]
+
+
+def center_row(record: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """The surrogate at the centre of its parameters as an entry of a table of predictors; empty if unknown."""
+    center = record.get("at_center")
+    if center is None:
+        return []
+    at = ", ".join(f"{name} = {value:.4g}" for name, value in center["parameters"].items())
+    return [{**center, "name": f"the surrogate frozen at the centre of parameter space ({at})"}]
 
 
 def _remark(counts: Mapping[str, Sequence[int]], trained: int) -> str:
