@@ -1,6 +1,6 @@
 """Sensitivities, local and global, against stored pictures, other seeds, other representations and the simulation itself.
 
-    python -m research.benchmarks.answers.sensitivity RUN [RUN ...] [--write]
+    python -m research.benchmarks.answers.sensitivity RUN [RUN ...] [--trainings] [--write]
 
 Each RUN is a folder whose catalog is there. Prints two tables in Markdown.
 
@@ -12,7 +12,8 @@ Each RUN is a folder whose catalog is there. Prints two tables in Markdown.
    pixel is fitted by a cubic of one parameter over all members, and explained variances are summed over pixels.
    "Seeds" is the largest change with other Sobol points.
 
-Seconds are processor seconds.
+With `--trainings` one other table instead, of runs that were trained again with other seeds (`research.studies
+repeat`): how far indices and maps by Gaussians differ between trainings. Seconds are processor seconds.
 """
 
 from __future__ import annotations
@@ -68,6 +69,7 @@ INDICES = [
     "total, even",
     "s",
 ]
+TRAININGS = ["run", "trainings", "parameter", "total, pixels", "first, pixels", "maps of two agree"]
 TURNS = 9
 SOLVER = 192  # points a side, as the scene has it
 
@@ -162,6 +164,31 @@ def map_rows(title: str, surrogate: Surrogate, catalog: Catalog) -> list[list[st
             f"{with_edges} ({without})" if j == 0 else "",
         ]
         for j, name in enumerate(surrogate.space.names)
+    ]
+
+
+def training_rows(title: str, folder: Path, catalog: Catalog, view: int = 17) -> list[list[str]]:
+    """Rows of the table of trainings, one for each parameter."""
+    trained = [
+        Surrogate.load(path).using(GAUSSIANS) for path in [folder / "surrogate", *folder.glob("seeds/*/surrogate")]
+    ]
+    camera, space, background = catalog.plan.cameras[view], trained[0].space, catalog.plan.background
+    members = Distribution.of_members(space, catalog)
+    answers = [sobol_indices(space, picture_response(one, camera, background=background), members) for one in trained]
+    first, total = (np.array([getattr(answer, name) for answer in answers]) for name in ("first", "total"))
+    each = []
+    for at, seen_from in test_views(catalog):
+        maps = [sensitivity(one, at, seen_from, background=background, compare=False).maps for one in trained[:2]]
+        each.append(correlations(*maps))
+    return [
+        [
+            *([title, str(len(trained))] if j == 0 else ["", ""]),
+            name,
+            " / ".join(f"{value:.2f}" for value in total[:, j]),
+            " / ".join(f"{value:.2f}" for value in first[:, j]),
+            f"{np.nanmedian(np.array(each)[:, j]):.2f}",
+        ]
+        for j, name in enumerate(space.names)
     ]
 
 
@@ -261,8 +288,17 @@ def index_rows(title: str, surrogate: Surrogate, catalog: Catalog, view: int = 1
 def main(arguments: Sequence[str] | None = None) -> None:
     parser = command_line("answers.sensitivity", __doc__)
     parser.add_argument("runs", nargs="+", type=Path, metavar="RUN")
+    parser.add_argument("--trainings", action="store_true", help="compare trainings with other seeds instead")
     parser.add_argument("--write", action="store_true", help="write the tables into docs/answers.md")
     options = parser.parse_args(arguments)
+    words = " ".join(map(str, options.runs))
+    if options.trainings:
+        rows = [row for run in map(Run.open, options.runs) for row in training_rows(run.title, run.folder, run.catalog)]
+        body = f"{table(TRAININGS, rows)}\n<sub>{made_by(f'answers.sensitivity {words} --trainings')}</sub>"
+        print(body)
+        if options.write:
+            fill(DOCS / "answers.md", "trainings", body)
+        return
     report, maps, indices = stopwatch(), [], []
     for run in map(Run.open, options.runs):
         assert run.catalog is not None
@@ -270,7 +306,6 @@ def main(arguments: Sequence[str] | None = None) -> None:
         report(f"{run.title}: maps")
         indices += index_rows(run.title, run.surrogate, run.catalog)
         report(f"{run.title}: indices")
-    words = " ".join(map(str, options.runs))
     body = f"{table(MAPS, maps)}\n{table(INDICES, indices)}\n<sub>{made_by(f'answers.sensitivity {words}')}</sub>"
     print(body)
     if options.write:
