@@ -144,7 +144,7 @@ def camera_row(title: str, surrogate: Surrogate, catalog: Catalog, members: int)
 def main(arguments: Sequence[str] | None = None) -> None:
     parser = command_line("answers.inverse", __doc__)
     parser.add_argument("runs", nargs="+", type=Path, metavar="RUN")
-    parser.add_argument("--pictures", nargs="+", type=int, default=[1, 3, 12], help="numbers of pictures of a member")
+    parser.add_argument("--pictures", nargs="*", type=int, default=[1, 3, 12], help="numbers of pictures of a member")
     parser.add_argument("--search", type=int, default=0, metavar="N", help="members whose camera is searched")
     parser.add_argument("--write", action="store_true", help="write the table into docs/answers.md")
     options = parser.parse_args(arguments)
@@ -158,7 +158,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
             cameras.append(camera_row(run.title, surrogate, run.catalog, options.search))
     words = " ".join(map(str, (*options.runs, "--pictures", *options.pictures)))
     words += f" --search {options.search}" if options.search else ""
-    tables = [table(HEADER, rows)] + ([table(CAMERA_HEADER, cameras)] if cameras else [])
+    tables = ([table(HEADER, rows)] if rows else []) + ([table(CAMERA_HEADER, cameras)] if cameras else [])
     body = "\n".join(tables) + f"\n<sub>{made_by(f'answers.inverse {words}')}</sub>"
     print(body)
     if options.write:
