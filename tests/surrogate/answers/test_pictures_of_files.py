@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -16,8 +17,10 @@ from surrogate.answers.posterior import invert
 from surrogate.answers.residuals import Residuals, angle_between, moved
 from surrogate.answers.targets import Target, stored_target
 from surrogate.cli import main
+from surrogate.evaluation.metrics import WHITE, composite
 from surrogate.explore.exporting.pictures import encode
 from surrogate.model import Surrogate
+from tests.support.hooked import FUNCTION
 from tests.support.two_parameters import TRUE
 
 CAMERA = Camera.look_at((1.9, -2.3, 1.8), (0.55, 0.55, 0.55), vertical_fov_degrees=30, width=40, height=40)
@@ -93,3 +96,22 @@ def test_a_picture_without_a_camera_needs_views_of_its_shape(two: Path) -> None:
     for views, error in (((), "there are no views"), ((CAMERA,), "has another shape than the views")):
         with pytest.raises(ValueError, match=error):
             Residuals.of(surrogate, [Target(picture)], None, views)
+
+
+@pytest.mark.parametrize("change", ["function", "camera", "field"])
+def test_pictures_of_something_else_are_flagged(two: Path, change: str) -> None:
+    catalog, surrogate = Catalog.open(two / "catalog.cdb"), Surrogate.load(two / "surrogate")
+    name = next(member.name for member in catalog.members if member.split == "test")
+    own = stored_target(catalog, name, 3)
+    picture, camera = own.picture, own.camera
+    if change == "function":
+        points = tuple((value, blue, green, red) for value, red, green, blue in FUNCTION.color_points)
+        other = surrogate.under(replace(FUNCTION, color_points=points), p=TRUE, q=10.0)
+        picture = composite(other.render(camera), WHITE)
+    elif change == "camera":
+        assert camera is not None
+        camera = moved(camera, np.array([0.0, 0.4, 0.0, 0.0, 0.0, -0.5]), np.array([0.55, 0.55, 0.3]))
+    else:
+        picture = np.where(np.arange(32)[:, None, None] % 8 < 4, picture, 1.0).astype(np.float32)
+    assert not invert(surrogate, [own], catalog, two).foreign
+    assert invert(surrogate, [Target(picture, camera)], catalog, two).foreign
