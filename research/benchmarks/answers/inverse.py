@@ -108,8 +108,8 @@ def rows_of(title: str, surrogate: Surrogate, catalog: Catalog, pictures: int) -
             name,
             " / ".join(f"{100.0 * value:.1f}" for value in np.quantile(errors[:, j], [0.5, 0.9])) + " %",
             f"{widths[j]:.0%}",
-            f"{covered[j]:.0%}",
-            f"{sum(one.minimum for one in read)} of {len(read)}" if j == 0 else f"all: {covered.mean():.0%}" * (j == 1),
+            f"{covered[j]:.0%}" + f"; all {covered.mean():.0%}" * (j == 0),
+            f"{sum(one.minimum for one in read)} of {len(read)}" if j == 0 else "",
             f"{seconds:.1f}" if j == 0 else "",
         ]
         for j, name in enumerate(surrogate.space.names)

@@ -18,6 +18,7 @@ from surrogate.answers.sampling import distinct, normal_samples
 from surrogate.answers.targets import Target, stored_target
 from surrogate.cli import main
 from surrogate.model import Surrogate
+from tests.support.documented import documented_code
 from tests.support.two_parameters import TRUE
 
 
@@ -118,3 +119,12 @@ def test_a_figure_shows_pictures_and_intervals_or_intervals_alone(two: Path, tmp
         sizes.append(read_image(path).shape)
     assert sizes[0][0] > sizes[1][0]
     assert sizes[1][1] > sizes[2][1]
+
+
+def test_the_documented_code_runs(two: Path) -> None:
+    catalog = Catalog.open(two / "catalog.cdb")
+    (code,) = [block for block in documented_code("docs/answers.md", "Which parameters draw this") if "import" in block]
+    name, picture = _tested(catalog), stored_target(catalog, _tested(catalog), 3).picture
+    names = {"model": Surrogate.load(two / "surrogate"), "catalog": catalog, "folder": two, "picture": picture}
+    exec(code.replace('"member-0003", 17', f'"{name}", 3'), names)
+    assert "p = " in repr(names["answer"])
