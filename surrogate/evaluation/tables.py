@@ -118,16 +118,11 @@ def cell_table(
 
 
 def validation_line(record: Mapping[str, Any], what: str) -> str:
-    """Scores of a record's validation images, and the number of images behind choices; `what` describes them."""
-    parts, decided = record["validation"], record.get("decided_on") or {}
-    uses = [
-        f"{decided[use]} such images {verb}"
-        for use, verb in (("choices", "decided the choices about the model"), ("watched", "were watched in training"))
-        if decided.get(use)
-    ]
+    """Scores of a record's validation images, and whether choices were made on some; `what` describes them."""
+    parts = record["validation"]
     foreground, psnr, ssim = (metric_number(name, parts[name]) for name in ("psnr_foreground", "psnr", "ssim"))
-    text = f"Validation ({parts['images']} images{what}): foreground {foreground} dB, whole pictures {psnr} dB, SSIM {ssim}."
-    return f"{text}  {' and '.join(uses)}." if uses else text
+    by_some = ", some of which decided about the model" if any((record.get("decided_on") or {}).values()) else ""
+    return f"Validation ({parts['images']} images{what}{by_some}): foreground {foreground} dB, whole {psnr} dB, SSIM {ssim}."
 
 
 def timing_row(record: Mapping[str, Any], name: str, label: str) -> tuple[str, str]:

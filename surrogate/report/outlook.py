@@ -70,6 +70,17 @@ def _lacks(surrogate: Surrogate, catalog: Catalog) -> str:
     return f"This model holds no emulated fields: it gives no numbers and no learning curve.  {remedy}."
 
 
+def lengths_line(outlook: Mapping[str, Any]) -> str:
+    """A sentence on how fast the emulated field changes with each parameter; "" without one."""
+    lengths = outlook.get("lengths") or {}
+    if not lengths:
+        return ""
+    said = ", ".join(f"{name} {lengths[name]:.2g}" for name in sorted(lengths, key=lambda name: lengths[name]))
+    return (
+        f"Length scales of the emulated field, in ranges of the parameter; it changes fastest with the first: {said}."
+    )
+
+
 def longer_training(curve: Sequence[Mapping[str, Any]]) -> str:
     """A sentence on longer training, from the PSNR of validation pictures in the stages before visualization parameters."""
     points = [(p["step"], p["psnr"]) for p in curve if p["stage"] not in KINDS and p["psnr"] is not None]

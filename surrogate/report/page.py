@@ -23,6 +23,7 @@ from surrogate.provenance import in_words
 from surrogate.report.emulated import numbers_section, own_name, representations_section
 from surrogate.report.figures import MORE, STRIP, WHERE
 from surrogate.report.members import BLOCKS
+from surrogate.report.outlook import lengths_line
 from surrogate.report.variations import SHOWN, center_row, variation_section
 from surrogate.report.verdict import BELIEVED, FOREGROUND
 
@@ -41,6 +42,7 @@ def page(record: Mapping[str, Any], pictures: Mapping[str, str]) -> str:
         record["verdict"],
         _ensemble(record.get("ensemble")),
         *(block for title in before for block in _picture(title, pictures)),
+        lengths_line(record["outlook"]),
         "## How close",
         cell_table(
             {**record, "one_in_ten": record["one_in_ten"][FOREGROUND]},
