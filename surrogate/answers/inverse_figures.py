@@ -54,8 +54,9 @@ def _pictures(row: Any, target: Target, best: Any, figure: Any) -> None:
     row[1].imshow(np.clip(best, 0.0, 1.0), interpolation="nearest")
     most = max(LEAST_SCALE, float(difference.max()))
     heat = row[2].imshow(difference, cmap="magma", vmin=0.0, vmax=most, interpolation="nearest")
-    bar = figure.colorbar(heat, ax=row[2], shrink=0.75)
+    bar = figure.colorbar(heat, ax=row[2], shrink=0.7)
     bar.ax.tick_params(labelsize=7)
+    bar.set_label("of colours from 0 to 1", fontsize=7)
     for axis in row:
         axis.set_axis_off()
         if target.mask is not None:
