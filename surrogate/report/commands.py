@@ -82,6 +82,7 @@ def _summary(report: Mapping[str, Any]) -> Iterator[str]:
     from surrogate.report.variations import SHOWN, variation_line
     from surrogate.training.messages import UNKNOWN
 
+    yield from report["verdict"].replace("**", "").split("\n\n")[0].split("  ")
     for views, columns in report["images"].items():
         for parameters in columns:
             foreground, psnr, ssim = (report[metric][views][parameters] for metric in SHOWN)

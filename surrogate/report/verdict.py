@@ -150,7 +150,7 @@ def _leads(record: Mapping[str, Any], judges: Judges) -> Iterator[str]:
     """The distance to the best simple prediction, and to the other representations."""
     simple = best_simple(record, judges)
     if (ahead := _lead(record, judges, simple)) is not None and ahead >= 0.0:
-        yield f"That is {ahead:.1f} dB closer to the truth than the best simple prediction ({_name(simple)})."
+        yield f"On average pictures are {ahead:.1f} dB closer to the truth than the best simple prediction ({_name(simple)})."
     elif ahead is not None:
         yield f"**At stored views {_name(simple)} of stored pictures is {-ahead:.1f} dB closer to the truth.**"
     for entry in record["trivial_predictors"]:

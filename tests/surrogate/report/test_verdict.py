@@ -71,7 +71,7 @@ def test_a_good_surrogate_is_believed_wherever_it_was_tested() -> None:
         "**Believe** place and size of structures, colours, and fine detail wherever it was tested.  "
         "One picture in ten of 10 test members that training never saw is below 31.0 dB "
         "where it shows something (34.5 dB as a whole); the worst fourth of the members is at time > 6.5.  "
-        "That is 7.0 dB closer to the truth than the best simple prediction (ridge regression).  "
+        "On average pictures are 7.0 dB closer to the truth than the best simple prediction (ridge regression).  "
         "Drawn from the emulated field alone, pictures are 2.0 dB worse."
     )
     assert second.startswith("Longer training would help the Gaussians: ")
