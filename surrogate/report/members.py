@@ -17,7 +17,7 @@ from surrogate.model import Surrogate
 
 ASPECTS = ("structures", "colours", "details")
 BLOCKS = 32  # to a side: structures and colours are those of averages over such blocks, details what these leave
-JUDGED_MEMBERS, JUDGED_VIEWS = 40, 3
+JUDGED_MEMBERS, JUDGED_VIEWS = 40, 6
 UNSEEN_ERROR = 0.5 / 255.0  # of a channel: below, rounding to 8 bits is most of it
 
 
