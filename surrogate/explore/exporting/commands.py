@@ -67,15 +67,16 @@ SIZE = click.option(
     "--output",
     required=True,
     type=click.Path(path_type=Path),
-    help="FILE.png, .exr, .ply or .vti; a folder names a picture.",
+    help="FILE.png, .exr, .html, .ply or .vti; a folder names a picture.",
 )
 def export(run: Path, output: Path, **options: Any) -> None:
     """Write what the surrogate in RUN (such as runs/tgv) shows: a picture, its Gaussians as PLY, or its emulated fields as VTI.
 
     PNG has 8 bits and straight alpha, EXR 32 and premultiplied alpha; both keep how they were made, and what error to expect, if
-    the explorer has measured it.  VTI, which ParaView opens, has the fields' units and standard deviations.
+    the explorer has measured it.  HTML is the explorer in one file, which a browser opens and draws without a program.  VTI, which
+    ParaView opens, has the fields' units and standard deviations.
     """
-    _write(run, output, ("png", "exr", "ply", "vti"), options)
+    _write(run, output, ("png", "exr", "html", "ply", "vti"), options)
 
 
 @click.command()

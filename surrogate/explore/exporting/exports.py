@@ -24,6 +24,7 @@ from surrogate.explore.exporting.comparison import comparison
 from surrogate.explore.exporting.films import film_bytes
 from surrogate.explore.exporting.kinds import FILM_STEPS, FRAMES_PER_SECOND, KINDS
 from surrogate.explore.exporting.naming import file_name
+from surrogate.explore.exporting.page import page_bytes
 from surrogate.explore.exporting.pictures import encode, record_for
 from surrogate.explore.exporting.ply import ply_bytes
 from surrogate.explore.exporting.sheets import captioned, strip
@@ -77,6 +78,19 @@ class GaussiansRequest:
 
     def summary(self, run: Run) -> str:
         return f"{len(run.surrogate.gaussians):,} Gaussians, {self.setting.described(run.origins)}"
+
+
+@dataclass(frozen=True, eq=False)
+class PageRequest:
+    """The explorer as one file, drawn by the browser; see `page_bytes`."""
+
+    setting: Setting
+
+    def content(self, run: Run, progress: Progress, doubt: Doubt | None = None) -> bytes:
+        return page_bytes(run)
+
+    def summary(self, run: Run) -> str:
+        return f"a page of {len(run.surrogate.gaussians):,} Gaussians, which opens in a browser without a program"
 
 
 @dataclass(frozen=True, eq=False)
@@ -213,7 +227,9 @@ class Export:
     content: bytes
 
 
-CommandRequest = PictureRequest | GaussiansRequest | FieldsRequest | ComparisonRequest | SheetRequest | FilmRequest
+CommandRequest = (
+    PictureRequest | PageRequest | GaussiansRequest | FieldsRequest | ComparisonRequest | SheetRequest | FilmRequest
+)
 Request = CommandRequest | CodeRequest
 
 
@@ -238,6 +254,8 @@ def from_message(message: Any, run: Run) -> Request:
         raise MessageError(f"kind must be one of {', '.join(KINDS)}, got {str(kind)[:40]!r}")
     if kind == "ply":
         return GaussiansRequest(frame.settings[0])
+    if kind == "html":
+        return PageRequest(frame.settings[0])
     if kind == "vti":
         return FieldsRequest(frame.settings[0])
     if kind == "python":

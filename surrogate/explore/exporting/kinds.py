@@ -10,6 +10,7 @@ KINDS = {  # the ending of a file and its media type, by the kind of export
     "exr": ("exr", "image/x-exr"),
     "ply": ("ply", "application/octet-stream"),
     "vti": ("vti", "application/xml"),
+    "html": ("html", "text/html"),
     "python": ("py", "text/x-python"),
     "comparison": ("png", "image/png"),
     "sheet": ("png", "image/png"),

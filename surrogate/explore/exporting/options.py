@@ -19,6 +19,7 @@ from surrogate.explore.exporting.exports import (
     FieldsRequest,
     FilmRequest,
     GaussiansRequest,
+    PageRequest,
     PictureRequest,
     SheetRequest,
 )
@@ -44,6 +45,8 @@ def from_options(options: Mapping[str, Any], kind: Any, run: Run) -> CommandRequ
     setting = _setting(run, options["parameters"], options["color_map"], like, options["using"])
     if kind == "ply":
         return GaussiansRequest(setting)
+    if kind == "html":
+        return PageRequest(setting)
     if kind == "vti":
         names = options["appearance"] or [v for n, v in setting.visualization.items() if n == APPEARANCE]
         return FieldsRequest(setting, tuple(map(str, names)))

@@ -4,7 +4,7 @@ import { exported } from "./connection.js";
 import { button, element, menu, section } from "../web/elements.js";
 
 const GAUSSIANS = "ply", FIELDS = "vti";
-const PICTURES = { png: "PNG, parameters inside", exr: "EXR, parameters inside", [GAUSSIANS]: "Gaussians, 3DGS .ply", [FIELDS]: "Fields, VTK .vti", python: "Python that draws it" };
+const PICTURES = { png: "PNG, parameters inside", exr: "EXR, parameters inside", [GAUSSIANS]: "Gaussians, 3DGS .ply", [FIELDS]: "Fields, VTK .vti", html: "Page without a program, .html", python: "Python that draws it" };
 const COMPARISONS = { comparison: "Comparison, PNG" };
 const SWEEPS = { sheet: "Sheet, PNG", gif: "Animation, GIF", mp4: "Film, MP4" };
 const SCALES = [1, 2];
@@ -17,8 +17,9 @@ export function exportPanel(explorer) {
   if (!explorer.facts.model.representations.some(({ name }) => name === "field")) delete offered[FIELDS];
   const kinds = menu("As", "export-kind", undefined, Object.entries(offered), () => resize());
   const sizes = menu("Size", "export-scale", undefined, []), chosen = box => box.querySelector("select");
+  if (explorer.facts.exports) Object.keys(offered).filter(kind => !explorer.facts.exports.includes(kind)).forEach(kind => { delete offered[kind]; });
   function resize() {
-    const kind = chosen(kinds).value, scale = chosen(sizes).value, data = kind === GAUSSIANS || kind === FIELDS, fixed = data || (kind === "comparison" && explorer.state.against === "truth");
+    const kind = chosen(kinds).value, scale = chosen(sizes).value, data = [GAUSSIANS, FIELDS, "html"].includes(kind), fixed = data || (kind === "comparison" && explorer.state.against === "truth");
     const options = (fixed ? [1] : SCALES).map(times => element("option", { value: times, selected: String(times) === scale }, explorer.exportSize(kind, times).join("×")));
     chosen(sizes).replaceChildren(...options);
     sizes.hidden = data;

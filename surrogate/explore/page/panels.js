@@ -137,6 +137,6 @@ export function modelPanel(explorer) {
   const facts = ({ name, words, megabytes, milliseconds }) => [name === "gaussians" ? `${model.gaussians.toLocaleString("en")} Gaussians` : words,
     `${rounded(megabytes)} MB`, milliseconds && `${rounded(milliseconds)} ms a picture`].filter(Boolean).join(", ");
   return section("Model",
-    ways.length > 1 && menu("Drawn by", "using", setting.using, [["", "the best on validation"], ...ways.map(one => [one.name, one.words])], choose),
+    ways.length > 1 && menu("Drawn by", "using", setting.using, [["", model.best ?? "the best on validation"], ...ways.map(one => [one.name, one.words])], choose),
     element("p", { class: "hint" }, [...ways.map(facts), model.seconds && `trained in ${Math.round(model.seconds)} s`].filter(Boolean).join("; ")));
 }

@@ -2,7 +2,8 @@
 
 const TYPES = { jpeg: "image/jpeg", png: "image/png" };
 
-export const decoded = (bytes, form) => createImageBitmap(new Blob([bytes], { type: TYPES[form] }));
+/** A bitmap of encoded bytes; what is a bitmap already stays one. */
+export const decoded = (picture, form) => picture instanceof ImageBitmap ? picture : createImageBitmap(new Blob([picture], { type: TYPES[form] }));
 
 /** Put decoded pictures (ImageBitmap) onto canvases; surplus ones of either are left alone. */
 export function paint(canvases, bitmaps) {

@@ -103,7 +103,7 @@ def test_what_is_no_message_is_refused(run: Run) -> None:
 def test_names_of_files_are_harmless() -> None:
     made = exported(message(kind="png"), Run('../a"\r\nX: y', plain()))
     assert re.fullmatch(r"a-X-y-p-0.25-[0-9a-f]{6}\.png", made.name)
-    assert set(KINDS) == {"comparison", "png", "exr", "ply", "vti", "python", "sheet", "gif", "mp4"}
+    assert set(KINDS) == {"comparison", "png", "exr", "ply", "vti", "html", "python", "sheet", "gif", "mp4"}
     assert json.dumps(made.name)
 
 

@@ -1,0 +1,145 @@
+"""The explorer as one file that needs no program: its page, the scripts that draw, and the surrogate.
+
+Modules become `data:` addresses of an import map, by names such as "draw/cards.js", and nothing else may run: the content security
+policy holds the digests of both scripts.  The model is data, as it is stored.
+"""
+
+from __future__ import annotations
+
+import base64
+import gzip
+import hashlib
+import html
+import json
+import re
+from importlib.resources import files
+from typing import Any
+
+from catalogs.web import ASSETS
+from surrogate.appearance.field_gaussians import FieldGaussians
+from surrogate.explore.color_maps import NAMES, color_points
+from surrogate.explore.facts import facts
+from surrogate.explore.run import Run
+from surrogate.model import Surrogate
+from surrogate.model.form import stored_form
+from surrogate.model.representation import GAUSSIANS, VIEW
+from surrogate.storage.models import StoredModel
+
+PAGE = files("surrogate.explore") / "page"
+DRAWN = ("parameters", "normalization", "deformation", "rasterizer", "field", "background")  # of the record
+IMPORT = re.compile(r'from "(?:\./|\.\./web/|(draw/|web/))([a-z_]+\.js)"')
+COMMENT = re.compile(r"^\s*(?://[^\n]*|/\*\*.*?\*/)\n", re.MULTILINE | re.DOTALL)
+LOCAL, PROGRAM = "draw/local.js", "connection.js"
+ENTRY = 'import "explore/explore.js";'
+TEMPLATE = """<!doctype html>
+<html lang="en">
+<head>
+<meta charset="utf-8">
+<meta http-equiv="Content-Security-Policy" content="{policy}">
+<meta name="viewport" content="width=device-width, initial-scale=1">
+<meta name="generator" content="gs-surrogate">
+<title>{title}</title>
+<link rel="icon" href="data:,">
+<style>{styles}</style>
+<script type="application/json" id="surrogate">{given}</script>
+<script type="text/plain" id="tensors">{tensors}</script>
+<script type="importmap">{modules}</script>
+<script type="module">{entry}</script>
+</head>
+<body></body>
+</html>
+"""
+
+
+def page_bytes(run: Run) -> bytes:
+    """The page of a run, as HTML.
+
+    Raises ValueError for a surrogate that the page can't draw: without Gaussians, or of isosurfaces.
+    """
+    surrogate = run.surrogate
+    require_drawable(surrogate)
+    whole = stored_form(surrogate)
+    modules = json.dumps({"imports": _modules()})
+    policy = (
+        f"default-src 'none'; script-src {_digest(modules)} {_digest(ENTRY)} data:; style-src 'unsafe-inline'; "
+        "img-src data: blob:; base-uri 'none'; form-action 'none'"
+    )
+    styles = "".join(part.read_text(encoding="utf-8") for part in (ASSETS / "look.css", PAGE / "explore.css"))
+    packed = base64.b64encode(gzip.compress(whole.contents()[0], mtime=0)).decode()
+    return TEMPLATE.format(
+        policy=policy,
+        title=html.escape(f"{run.title} · gs-surrogate"),
+        styles=styles,
+        given=json.dumps(_content(run, whole)).replace("<", "\\u003c"),
+        tensors=packed,
+        modules=modules,
+        entry=ENTRY,
+    ).encode()
+
+
+def require_drawable(surrogate: Surrogate) -> None:
+    """Raise ValueError for a surrogate whose pictures a page can't draw."""
+    server = "explore the run with `surrogate explore RUN` instead"
+    if not len(surrogate.gaussians):
+        raise ValueError(f"a page is drawn by Gaussians, and this surrogate has none: {server}")
+    if getattr(surrogate.gaussians, "lighting", None) is not None:
+        raise ValueError(f"a page draws no lit surfaces: {server}")
+
+
+def _content(run: Run, whole: StoredModel) -> dict[str, Any]:
+    """Everything that the page must know, as JSON values."""
+    surrogate, page_facts = run.surrogate, facts(run)
+    carried = isinstance(surrogate.gaussians, FieldGaussians)
+    functions = [v.variation.kind for v in surrogate.visualizations if carried and v.deformation is None]
+    page_facts["variations"] = [one for one in page_facts["variations"] if one["kind"] in functions]
+    page_facts["model"] |= {"megabytes": surrogate.using(GAUSSIANS).sizes[GAUSSIANS]}
+    return {
+        "facts": page_facts | {"truth": False, "exports": ["png"]},
+        "record": {name: whole.record[name] for name in DRAWN if name in whole.record},
+        "maps": {name: color_points(name, 0.0, 1.0) for name in NAMES} if functions else {},
+        "expected": _expected(surrogate),
+    }
+
+
+def _expected(surrogate: Surrogate) -> str:
+    psnr = surrogate.scores.psnr.get(VIEW, {}).get(GAUSSIANS)
+    return "" if psnr is None else f"Pictures of runs that training did not see: PSNR {psnr:.1f} dB on average"
+
+
+def _modules() -> dict[str, str]:
+    """The import map: every module by a name of its own."""
+    rooms = {"draw": PAGE / "draw", "explore": PAGE, "web": ASSETS}
+    texts = {
+        f"{room}/{file.name}": _named(room, file.read_text(encoding="utf-8"))
+        for room, folder in rooms.items()
+        for file in sorted(folder.iterdir(), key=lambda file: file.name)
+        if file.name.endswith(".js") and (room, file.name) != ("explore", PROGRAM)
+    }
+    return {
+        name: "data:text/javascript;base64," + base64.b64encode(_short(text).encode()).decode()
+        for name, text in texts.items()
+    }
+
+
+def _named(room: str, text: str) -> str:
+    """A module whose imports have names: relative addresses mean nothing in `data:`."""
+
+    def name(match: re.Match[str]) -> str:
+        address, file = match.group(0), match.group(2)
+        if file == PROGRAM:
+            return f'from "{LOCAL}"'
+        if match.group(1):
+            return address
+        return f'from "{"web" if "../web/" in address else room}/{file}"'
+
+    return IMPORT.sub(name, text)
+
+
+def _short(text: str) -> str:
+    """A module without indentation, and without comments that have lines of their own."""
+    return "\n".join(filter(None, (line.strip() for line in COMMENT.sub("", text).splitlines())))
+
+
+def _digest(script: str) -> str:
+    """The source expression of an inline script (Content Security Policy Level 3, section 8.3)."""
+    return f"'sha256-{base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()}'"

@@ -1,0 +1,149 @@
+// The explorer's program inside the page: the same calls as connection.js makes, answered by the browser itself.
+// The page holds the surrogate: {facts, record, maps, expected} and its tensors, compressed.
+
+import { Cards } from "draw/cards.js";
+import { differenceOf } from "draw/difference.js";
+import { modelOf } from "draw/model.js";
+import { Scripts } from "draw/scripts.js";
+import { across, cross, unit } from "web/vectors.js";
+
+const CARD = "card", SCRIPTS = "scripts";
+
+const given = JSON.parse(document.getElementById("surrogate").textContent);
+export const model = modelOf(await tensors(), given.record);
+const canvas = document.createElement("canvas"), engines = {};
+let refusal = "";
+try {
+  engines[CARD] = new Cards(model, canvas);
+} catch (error) {
+  refusal = error.message;
+}
+const best = engines[CARD] && !engines[CARD].graphics.software ? CARD : SCRIPTS;
+
+/** Bytes of base64 and gzip. */
+async function tensors() {
+  const text = document.getElementById("tensors").textContent.trim();
+  const packed = Uint8Array.fromBase64?.(text) ?? Uint8Array.from(atob(text), character => character.charCodeAt(0));
+  const stream = new Blob([packed]).stream().pipeThrough(new DecompressionStream("gzip"));
+  return new Uint8Array(await new Response(stream).arrayBuffer());
+}
+
+export class Gone extends Error {}
+
+/** Nothing is ever lost: there is no program. */
+export const listen = () => {};
+
+export async function facts() {
+  const { megabytes } = given.facts.model;
+  const ways = [engines[CARD] && { name: CARD, words: `graphics card: ${engines[CARD].graphics.renderer}`, megabytes },
+    { name: SCRIPTS, words: refusal ? `scripts, for ${refusal}` : "scripts", megabytes }].filter(Boolean);
+  return { ...given.facts, model: { ...given.facts.model, best: "what is faster here", representations: ways } };
+}
+
+/** An answer with pictures as bitmaps. */
+export async function frame(request) {
+  const started = performance.now(), background = channels(request.background), camera = lookAt(request.camera, request.size);
+  const pictures = [], kept = [];
+  for (const setting of request.settings) {
+    const engine = engineOf(setting);
+    adjust(engine, setting);
+    const picture = drawn(engine, camera, background);
+    if (request.difference) kept.push(picture);
+    pictures.push(await bitmap(picture, request.size));
+  }
+  const answer = { truth: null };
+  if (request.difference) {
+    const { picture, ...numbers } = differenceOf(...kept);
+    pictures.push(await bitmap(picture, request.size));
+    answer.difference = numbers;
+  }
+  return {
+    ...answer, pictures, form: request.form, size: request.size, drawn: performance.now() - started,
+    by: request.settings.map(setting => setting.using || best),
+    expected: request.form === "png" ? request.settings.map(expected) : null,
+  };
+}
+
+/** No pictures are stored here. */
+export const nearest = async () => null;
+
+/** A picture to be saved: { name, blob }. */
+export async function exported(request) {
+  const { pictures: [bitmapOfIt] } = await frame({ ...request, form: "png", difference: false, settings: request.settings.slice(0, 1) });
+  const [width, height] = request.size, page = Object.assign(document.createElement("canvas"), { width, height });
+  page.getContext("2d").drawImage(bitmapOfIt, 0, 0);
+  return { name: `${given.facts.title}.png`, blob: await new Promise(resolve => { page.toBlob(resolve); }) };
+}
+
+function engineOf({ using }) {
+  const name = using || best;
+  engines[name] ??= new Scripts(model);
+  return engines[name];
+}
+
+/** Let an engine show a setting: what it shows already is not computed anew. */
+function adjust(engine, { parameters, visualization, color_map: map }) {
+  const point = JSON.stringify(parameters), look = JSON.stringify([visualization, map]);
+  if (engine.point !== point) engine.setParameters(parameters);
+  if (given.record.field && engine.look !== look) engine.setFunction(transferOf(visualization, map));
+  Object.assign(engine, { point, look });
+}
+
+/** The transfer function of displaced control points and a colour map; see `displaced` of the catalog's variations. */
+function transferOf(visualization, map) {
+  const { base } = given.record.field, points = base.opacity_points.map(point => [...point]);
+  ["c1_value", "c1_opacity", "c2_value", "c2_opacity"].forEach((name, i) => {
+    if (name in visualization) points[1 + (i >> 1)][i & 1] += visualization[name];
+  });
+  const [low, high] = [base.color_points[0][0], base.color_points.at(-1)[0]];
+  const colors = map ? given.maps[map].map(([place, ...color]) => [low + place * (high - low), ...color]) : base.color_points;
+  return { ...base, opacity_points: points, color_points: colors };
+}
+
+/** The picture as displayed, (H, W, 3) in [0, 1]. */
+function drawn(engine, camera, [red, green, blue]) {
+  let numbers, samples = 1;
+  if (engine instanceof Cards) {
+    engine.render(camera);
+    numbers = engine.numbers();
+    samples = engine.picture.width / camera.width;
+  } else numbers = engine.draw(camera);
+  const { width, height } = camera, picture = new Float32Array(3 * width * height), share = 1 / samples ** 2;
+  for (let row = 0; row < height * samples; ++row) {
+    for (let column = 0; column < width * samples; ++column) {
+      const from = 4 * (row * width * samples + column), to = 3 * (Math.floor(row / samples) * width + Math.floor(column / samples));
+      const through = 1 - numbers[from + 3];
+      picture[to] += share * (numbers[from] + through * red);
+      picture[to + 1] += share * (numbers[from + 1] + through * green);
+      picture[to + 2] += share * (numbers[from + 2] + through * blue);
+    }
+  }
+  return picture;
+}
+
+/** A picture (H, W, 3) in [0, 1] as a bitmap. */
+function bitmap(picture, [width, height]) {
+  const bytes = new Uint8ClampedArray(4 * width * height);
+  for (let from = 0, to = 0; from < picture.length; to += 4) {
+    for (let k = 0; k < 3; ++k) bytes[to + k] = 255 * picture[from++];
+    bytes[to + 3] = 255;
+  }
+  return createImageBitmap(new ImageData(bytes, width, height));
+}
+
+const channels = color => [1, 3, 5].map(at => parseInt(color.slice(at, at + 2), 16) / 255);
+
+/** The camera of `Camera.look_at`, as JSON. */
+function lookAt({ position, target, up, field }, [width, height]) {
+  const forward = unit(target.map((x, k) => x - position[k])), right = unit(cross(forward, across(up, forward))), down = cross(forward, right);
+  const focal = height / (2 * Math.tan(field * Math.PI / 360));
+  const rows = [right, down, forward].map(axis => [...axis, -axis.reduce((sum, x, k) => sum + x * position[k], 0)]);
+  return { world_to_camera: [...rows, [0, 0, 0, 1]], fx: focal, fy: focal, cx: width / 2, cy: height / 2, width, height };
+}
+
+/** What to expect of a picture: what the run measured on average, and a warning out of bounds. */
+function expected({ parameters }) {
+  const out = given.facts.parameters.filter(({ name, low, high }) => parameters[name] < low || parameters[name] > high);
+  const short = out.length ? `never shown in training: ${out.map(({ name }) => name).join(", ")} out of bounds` : given.expected;
+  return { psnr: null, short, sentence: short, warning: out.length > 0 };
+}

@@ -1,0 +1,60 @@
+"""Pages that draw by themselves: opened from a file, and asked for pictures in numbers."""
+
+from __future__ import annotations
+
+import base64
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from surrogate import Surrogate
+from surrogate.explore.exporting.page import page_bytes
+from surrogate.explore.run import Run
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Page
+
+DRAW = """async ([cases, engine]) => {
+  const { model } = await import("draw/local.js");
+  const { Cards } = await import("draw/cards.js"), { Scripts } = await import("draw/scripts.js");
+  const own = engine === "card" ? new Cards(model, document.createElement("canvas")) : new Scripts(model);
+  return cases.map(({ parameters, camera, transfer }) => {
+    if (transfer) own.setFunction(transfer);
+    own.setParameters(parameters);
+    if (engine === "card") own.render(camera);
+    const numbers = engine === "card" ? own.numbers() : own.draw(camera), bytes = new Uint8Array(numbers.buffer);
+    let text = "";
+    for (let at = 0; at < bytes.length; at += 8192) text += String.fromCharCode(...bytes.subarray(at, at + 8192));
+    return btoa(text);
+  });
+}"""
+
+
+def opened(page: Page, surrogate: Surrogate, folder: Path, title: str = "a run") -> list[str]:
+    """Open the page of a surrogate from the file system, without a network; returns the addresses that it asks for."""
+    requests: list[str] = []
+    page.context.set_offline(True)
+    page.on("request", lambda request: None if request.url.startswith("data:") else requests.append(request.url))
+    (folder / "page.html").write_bytes(page_bytes(Run(title, surrogate)))
+    page.goto((folder / "page.html").as_uri())
+    page.wait_for_function("() => document.documentElement.dataset.shown")
+    return requests
+
+
+def drawn(page: Page, cases: list[dict[str, Any]], engine: str, samples: int) -> list[NDArray[np.float32]]:
+    """Pictures (H, W, 4) by an engine of the page."""
+    pictures = []
+    for text, case in zip(page.evaluate(DRAW, [cases, engine]), cases, strict=True):
+        height, width = case["camera"]["height"], case["camera"]["width"]
+        times = samples if engine == "card" else 1
+        numbers = np.frombuffer(base64.b64decode(text), np.float32).reshape(height, times, width, times, 4)
+        pictures.append(numbers.mean(axis=(1, 3)))
+    return pictures
+
+
+def decibels(found: NDArray[np.float32], expected: NDArray[np.float32]) -> float:
+    """Of a picture of premultiplied RGBA and the expected one on white."""
+    on_white = np.clip(found[..., :3].astype(np.float64) + 1.0 - found[..., 3:], 0.0, 1.0)
+    return float(-10.0 * np.log10(max(((on_white - expected[..., :3]) ** 2).mean(), 1e-15)))
