@@ -11,6 +11,7 @@ from catalogs.vocabulary.appearance import Isosurface, TransferFunction, VolumeR
 from surrogate import Surrogate, kernels
 from surrogate.gaussians import Gaussians
 from surrogate.lighting import Lighting
+from surrogate.model.form import stored_form
 from surrogate.splatting.directional import directions
 from tests.support.comparing import same
 from tests.support.field_blobs import BLOBS, ISOVALUE
@@ -124,7 +125,7 @@ def test_a_model_whose_own_gaussians_do_not_fit_is_refused() -> None:
     own = replace(of_isovalue(fitted), gaussians=fitted.gaussians.of(torch.arange(3)), simulation=None)
     broken = surrogate(fitted, own)
     with pytest.raises(ValueError, match="latents must have a row for each of 3 Gaussians"):
-        Surrogate.of_bytes(*broken._stored_form().contents())
+        Surrogate.of_bytes(*stored_form(broken).contents())
 
 
 POSITION = torch.tensor([0.4, -3.0, 1.2])
