@@ -63,6 +63,7 @@ def test_the_packages_themselves_load_nothing_heavy() -> None:
     assert result.stdout.strip() == "[]", result.stdout + result.stderr
 
 
+@pytest.mark.slow
 def test_a_surrogate_loads_no_optimizer() -> None:
     """Which takes as long as opening a run, and serves fits alone."""
     slow = "('scipy.optimize', 'scipy.ndimage', 'sklearn')"

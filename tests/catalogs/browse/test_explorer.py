@@ -69,6 +69,7 @@ def test_cinema_explorer_opens_the_catalog(
         )
 
 
+@pytest.mark.slow
 def test_cinema_view_opens_the_catalog(
     catalog: Catalog, tmp_path: Path, new_page: NewPage, complaints: list[str]
 ) -> None:

@@ -56,6 +56,7 @@ def rows_of(catalog: Catalog) -> list[tuple[str, str, int]]:
     ]
 
 
+@pytest.mark.slow
 def test_pycinema_sees_every_image_as_it_was(catalog: Catalog, tmp_path: Path) -> None:
     run_client("pycinema", "read_with_pycinema.py", str(catalog.path), str(tmp_path / "seen.npz"))
     with np.load(tmp_path / "seen.npz", allow_pickle=False) as seen:
@@ -74,6 +75,7 @@ def test_pycinema_sees_every_image_as_it_was(catalog: Catalog, tmp_path: Path) -
     assert parameters == {m.name: m.parameters["Re"] for m in catalog.members}
 
 
+@pytest.mark.slow
 def test_pycinema_sees_every_image_of_a_packed_catalog(catalog: Catalog, tmp_path: Path) -> None:
     pack(catalog.path, tmp_path / "packed.cdb")
     run_client("pycinema", "read_packed_with_pycinema.py", str(tmp_path / "packed.cdb"), str(tmp_path / "seen.npz"))

@@ -162,6 +162,7 @@ def check_repaired(path: Path, damaged: dict[str, bytes], original: dict[str, by
             assert missing[name] == {"Re": PARAMETERS[name], "Pr": 1.0}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", SEEDS)
 @pytest.mark.parametrize("packed", [False, True])
 def test_damage_is_named_and_what_is_left_is_kept(

@@ -105,6 +105,7 @@ def center_of(catalog: Path, member: str) -> float:
     return float(Catalog.open(catalog).member(member).summary().maximum)
 
 
+@pytest.mark.slow
 def test_a_function_makes_the_members_of_a_scene(tmp_path: Path) -> None:
     assert insitu.make_dataset is make_dataset
     asked = scene(tmp_path, WITHOUT_SCRIPT)

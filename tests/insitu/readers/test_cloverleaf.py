@@ -210,6 +210,7 @@ def test_a_huge_claim_takes_no_memory(tmp_path: Path) -> None:
         read_data(path, array="energy")
 
 
+@pytest.mark.slow
 def test_the_codes_own_dump_comes_out_the_same_from_eight_ranks(tmp_path: Path, shared_data: Path) -> None:
     """Its printed words, dealt out to eight files as eight ranks would have printed them."""
     words = gzip.decompress((shared_data / "clover.00001.00040.vtk.gz").read_bytes()).decode().split("\n")

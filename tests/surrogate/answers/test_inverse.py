@@ -108,6 +108,7 @@ def test_solutions_are_distinct_where_neither_holds_the_other() -> None:
     assert [fit.cost for fit in distinct(fits, 1.0)] == [0.0, 0.2]
 
 
+@pytest.mark.slow
 def test_a_figure_shows_pictures_and_intervals_or_intervals_alone(two: Path, tmp_path: Path) -> None:
     name = _tested(Catalog.open(two / "catalog.cdb"))
     sizes = []
@@ -121,6 +122,7 @@ def test_a_figure_shows_pictures_and_intervals_or_intervals_alone(two: Path, tmp
     assert sizes[1][1] > sizes[2][1]
 
 
+@pytest.mark.slow
 def test_the_documented_code_runs(two: Path) -> None:
     catalog = Catalog.open(two / "catalog.cdb")
     (code,) = [block for block in documented_code("docs/answers.md", "Which parameters draw this") if "import" in block]

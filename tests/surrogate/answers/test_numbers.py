@@ -27,6 +27,7 @@ def true_field(catalog: Catalog) -> LatticeField:
     return LatticeField(coarse.values, None, coarse.spacing, coarse.origin)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("template", "box"),
     [

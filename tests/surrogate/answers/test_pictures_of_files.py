@@ -36,6 +36,7 @@ def write(path: Path, two: Path, **record: Any) -> Path:
     return path
 
 
+@pytest.mark.slow
 def test_an_exported_picture_is_asked_about_without_a_camera(two: Path, tmp_path: Path) -> None:
     made = ask(two, str(write(tmp_path / "shot.png", two, visualization={}, color_map="")), "--json")
     assert made.exit_code == 0, made.output
@@ -61,6 +62,7 @@ def test_a_record_that_does_not_fit_is_refused(two: Path, tmp_path: Path, record
     assert error in " ".join(made.output.split())
 
 
+@pytest.mark.slow
 def test_a_camera_is_searched_and_refined(two: Path) -> None:
     catalog, surrogate = Catalog.open(two / "catalog.cdb"), Surrogate.load(two / "surrogate")
     name = next(member.name for member in catalog.members if member.split == "test")

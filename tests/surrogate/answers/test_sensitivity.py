@@ -49,6 +49,7 @@ def differences(camera: Camera, step: float = 0.01) -> Any:
     return (pictures[:3] - pictures[3:]) / steps.widths[:, None, None, None]
 
 
+@pytest.mark.slow
 def test_maps_are_those_of_the_simulation(surrogate: Surrogate, camera: Camera) -> None:
     answer = sensitivity(surrogate.using("field"), HERE, camera, region=(8, 8, 24, 24))
     truth = differences(camera)

@@ -85,6 +85,7 @@ def test_a_response_that_nothing_changes_says_so() -> None:
     assert np.isfinite([*answer.first, *answer.total_half]).all()
 
 
+@pytest.mark.slow
 def test_the_surrogate_agrees_with_salib_on_the_simulation(surrogate_of_three: Surrogate) -> None:
     """320 runs of the simulation itself, in SALib's hands, against the emulated field."""
     high = 0.5

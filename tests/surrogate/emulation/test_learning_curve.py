@@ -49,6 +49,7 @@ def test_noise_gains_nothing() -> None:
     assert gain.low < gain.decibels < gain.high
 
 
+@pytest.mark.slow
 def test_it_is_the_same_each_time_and_says_what_it_is() -> None:
     points, fields = _ensemble(9, 0)
     first, again = LearningCurve.of(points, fields), LearningCurve.of(points, fields)

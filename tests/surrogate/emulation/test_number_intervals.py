@@ -51,6 +51,7 @@ def inside(count: int, scale: ValueScale | None = None) -> tuple[np.ndarray, np.
     return np.mean(calibrated, 0), np.mean(drawn, 0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("count", "scale"),
     [(10, None), pytest.param(20, None, marks=SLOW), pytest.param(40, None, marks=SLOW), (20, SCALE)],

@@ -115,6 +115,7 @@ def test_without_pycolmap_the_error_names_the_extra(tmp_path: Path, monkeypatch:
         )
 
 
+@pytest.mark.slow
 def test_loading_the_module_does_not_load_pycolmap() -> None:
     program = "import sys, surrogate.initialization.structure_from_motion\nraise SystemExit('pycolmap' in sys.modules)"
     assert prepared.run(program)[0] == 0

@@ -271,6 +271,7 @@ def test_a_report_is_not_current_where_other_metrics_can_be_had(
     assert not is_current(tmp_path / "report", surrogate)
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("undrawn")
 def test_perceptual_metrics_and_why_they_are_missing_stand_in_the_record(
     perfect, tmp_path: Path, monkeypatch: pytest.MonkeyPatch

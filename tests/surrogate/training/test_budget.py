@@ -77,6 +77,7 @@ def test_in_little_time_there_are_fewer_gaussians_and_no_choices(
     assert (kept.gaussians, kept.fit_to_need) == (2_000, True)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("minutes", [0.5, 2.0])
 def test_a_busy_machine_makes_a_model_of_the_same_size_in_fewer_steps(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, minutes: float

@@ -31,6 +31,7 @@ def catalog(tmp_path_factory: pytest.TempPathFactory) -> Catalog:
     return rendered(tmp_path_factory.mktemp("catalog") / "a.cdb")
 
 
+@pytest.mark.slow
 def test_they_start_on_emulated_surfaces_and_learn_slowly(catalog: Catalog) -> None:
     source = Source(SETTINGS, catalog)
     model, [variation] = fit(source, ""), source.variations

@@ -5,6 +5,8 @@ from __future__ import annotations
 import itertools
 from pathlib import Path
 
+import pytest
+
 from surrogate.settings import TrainingSettings
 from surrogate.training.data import training_rows
 from surrogate.training.pace import measure_pace
@@ -12,6 +14,7 @@ from surrogate.training.source import Source
 from tests.support.results import make_catalog
 
 
+@pytest.mark.slow
 def test_speed_is_measured_on_a_few_images_by_the_clock_of_the_budget(tmp_path: Path) -> None:
     source = Source(TrainingSettings(gaussians=30), make_catalog(tmp_path, "blobs"))
     rows = [training_rows(source.catalog, [source.appearance])]

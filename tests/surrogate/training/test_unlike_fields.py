@@ -110,6 +110,7 @@ def test_all_that_is_learnt_must_be_emulated(tmp_path: Path) -> None:
     assert train(SETTINGS, catalog, tmp_path / "other").representations == (GAUSSIANS,)
 
 
+@pytest.mark.slow
 def test_a_field_that_is_not_shown_prevents_no_emulator(tmp_path: Path) -> None:
     space = ParameterSpace((Parameter("p", 0.0, 1.0),))
     shown = [VolumeRendering("one", FUNCTION, field="one"), VolumeRendering("two", FUNCTION, field="two")]
