@@ -91,6 +91,7 @@ def _imports(folder: str) -> Iterator[tuple[str, str]]:
                 yield f"{path.relative_to(PROJECT)}:{node.lineno}", name
 
 
+@pytest.mark.slow
 def test_tests_share_through_support_alone() -> None:
     """A test module that imports another runs its fixtures twice, and breaks when the other moves."""
     strangers = [

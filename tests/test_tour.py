@@ -76,6 +76,7 @@ def test_the_catalog_is_a_cinema_database_and_keeps_what_the_fields_knew(catalog
     assert len(kept.points) > 1000  # sampled where the field was opaque: the Gaussians start there
 
 
+@pytest.mark.slow
 def test_the_surrogate_shows_parameters_that_were_never_simulated(catalog: Catalog, surrogate: Surrogate) -> None:
     """4. Any view, any parameter, in milliseconds."""
     deformed = surrogate.at(separation=0.9)

@@ -60,6 +60,7 @@ def test_it_is_the_same_each_time_and_says_what_it_is() -> None:
     assert (np.isfinite(first.decibels).sum(1) == 9 - first.sizes).all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("holes", [0, 40])
 def test_holes_and_constant_fields_are_taken(holes: int) -> None:
     points, fields = _ensemble(10, 1)

@@ -81,11 +81,13 @@ def test_they_are_faint_where_no_surface_is_near() -> None:
     assert start[1].deformed(start[0], place).opacity_logits.sigmoid().max() < 0.3
 
 
+@pytest.mark.slow
 def test_none_starts_beside_holes() -> None:
     away, _, _ = at(started(*ISOVALUES, holes=True), 0.0, 0.2)
     assert away[:, 2].min() > -1.5 * SIDE
 
 
+@pytest.mark.slow
 def test_a_seed_decides_all() -> None:
     first, second = started(*ISOVALUES), started.__wrapped__(*ISOVALUES)
     for one, other in zip(first, second, strict=True):

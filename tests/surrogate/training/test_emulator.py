@@ -32,6 +32,7 @@ def catalog(tmp_path_factory: pytest.TempPathFactory) -> Catalog:
     return rendered(tmp_path_factory.mktemp("catalog") / "a.cdb", surface=False)
 
 
+@pytest.mark.slow
 def test_the_command_stops_after_the_field_and_goes_on(catalog: Catalog, tmp_path: Path) -> None:
     arguments = ["train", str(catalog.path), "-o", str(tmp_path / "run"), *WORDS]
     first = CliRunner().invoke(main, [*arguments, "--model", "field"])
