@@ -15,9 +15,9 @@ export function exportPanel(explorer) {
   const offered = { ...(mode === "sweep" ? SWEEPS : mode === "compare" ? COMPARISONS : {}), ...PICTURES };
   if (!explorer.facts.model.gaussians) delete offered[GAUSSIANS];
   if (!explorer.facts.model.representations.some(({ name }) => name === "field")) delete offered[FIELDS];
+  if (explorer.facts.exports) Object.keys(offered).filter(kind => !explorer.facts.exports.includes(kind)).forEach(kind => { delete offered[kind]; });
   const kinds = menu("As", "export-kind", undefined, Object.entries(offered), () => resize());
   const sizes = menu("Size", "export-scale", undefined, []), chosen = box => box.querySelector("select");
-  if (explorer.facts.exports) Object.keys(offered).filter(kind => !explorer.facts.exports.includes(kind)).forEach(kind => { delete offered[kind]; });
   function resize() {
     const kind = chosen(kinds).value, scale = chosen(sizes).value, data = [GAUSSIANS, FIELDS, "html"].includes(kind), fixed = data || (kind === "comparison" && explorer.state.against === "truth");
     const options = (fixed ? [1] : SCALES).map(times => element("option", { value: times, selected: String(times) === scale }, explorer.exportSize(kind, times).join("×")));

@@ -186,6 +186,7 @@ def test_a_file_opens_without_a_request_and_all_controls_work(page: Page, tmp_pa
     for mode in ("compare", "sweep", "view"):
         page.locator(f"#mode-{mode}").click()
         page.wait_for_function("() => window.explorer.resting")
+        assert page.locator("#export-kind option").all_inner_texts() == ["PNG, parameters inside"]
     with page.expect_download() as saved:
         page.locator("#export").click()
     assert saved.value.suggested_filename == "a run.png"
