@@ -77,6 +77,13 @@ def fill(page: Path, part: str, body: str) -> None:
     durable.replace(page, f"{before}{begin}\n{wrapped(body.strip())}\n{end}{after}".encode())
 
 
+def publish(body: str, page: Path, part: str, *, write: bool) -> None:
+    """Print a part of a page, and `write` it there, if that is asked for."""
+    print(body)
+    if write:
+        fill(page, part, body)
+
+
 def commit(*folders: str) -> str:
     """The last commit that changed any of the project's `folders`, with "+dirty" where they have changed since."""
     revision = _git("log", "-1", "--format=%h", "--", *folders)

@@ -12,13 +12,12 @@ from functools import cached_property, partial
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from catalogs.vocabulary.appearance import VolumeRendering
+from catalogs.vocabulary.appearance import Isosurface, VolumeRendering
 from catalogs.vocabulary.words import one_line
 from surrogate.answers.opinions import Opinions, ProcessOpinions
 from surrogate.emulation import FieldEmulator
 from surrogate.emulation.components import Components, products_of, without
 from surrogate.emulation.fitting import Members
-from surrogate.emulation.posterior import Posterior
 from surrogate.emulation.processes import Processes
 from surrogate.emulation.validation import folds_of
 from surrogate.model.field_model import FieldPoint
@@ -49,23 +48,32 @@ class Committee:
         """The fields that its members expect there, first that of the emulator itself."""
         posterior, holes = self.emulator.posterior(point.simulation), self.emulator.holes(point.simulation)
         opinions = self._processes.coefficients(point.simulation, posterior.coefficients, posterior.spreads)
-        casters = [self._caster(replace(posterior, coefficients=c), holes, point) for c in opinions]
+        fields = [replace(posterior, coefficients=c).values().reshape(self.emulator.shape) for c in opinions]
+        casters = [
+            caster_of(self.emulator, values, holes, point.appearance, point.sample_distance) for values in fields
+        ]
         return Opinions(tuple(partial(caster.draw, threads=1) for caster in casters))
 
     def own(self, point: FieldPoint) -> VolumeCaster | SurfaceCaster:
         """The field that its emulator expects there, ready to be drawn."""
-        return self._caster(self.emulator.posterior(point.simulation), self.emulator.holes(point.simulation), point)
+        emulator, at = self.emulator, point.simulation
+        values = emulator.posterior(at).values().reshape(emulator.shape)
+        return caster_of(emulator, values, emulator.holes(at), point.appearance, point.sample_distance)
 
-    def _caster(
-        self, posterior: Posterior, holes: NDArray[np.bool_] | None, point: FieldPoint
-    ) -> VolumeCaster | SurfaceCaster:
-        emulator = self.emulator
-        values = posterior.values().reshape(emulator.shape)
-        field = SampledField(values, holes, emulator.spacing, emulator.origin)
-        if not isinstance(point.appearance, VolumeRendering):
-            return SurfaceCaster.of(field, point.appearance)
-        distance = None if point.sample_distance is None else point.sample_distance * COARSER
-        return VolumeCaster.of(field, point.appearance, sample_distance=distance)
+
+def caster_of(
+    emulator: FieldEmulator,
+    values: NDArray[np.float32],
+    holes: NDArray[np.bool_] | None,
+    appearance: VolumeRendering | Isosurface,
+    sample_distance: float | None,
+) -> VolumeCaster | SurfaceCaster:
+    """A field (Z, Y, X) on an emulator's coarse lattice, ready to be drawn in an appearance, with long steps along rays."""
+    field = SampledField(values, holes, emulator.spacing, emulator.origin)
+    if not isinstance(appearance, VolumeRendering):
+        return SurfaceCaster.of(field, appearance)
+    distance = None if sample_distance is None else sample_distance * COARSER
+    return VolumeCaster.of(field, appearance, sample_distance=distance, threads=1)
 
 
 def thinned(emulator: FieldEmulator) -> FieldEmulator:

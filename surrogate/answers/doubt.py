@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Mapping
 from contextlib import suppress
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -18,9 +18,9 @@ from catalogs.vocabulary.appearance import TransferFunction, VolumeRendering, fi
 from catalogs.vocabulary.cameras import Camera
 from surrogate.answers import unseen
 from surrogate.answers.calibration import Calibration
-from surrogate.answers.committee import Committee
 from surrogate.answers.embeddings import Embeddings
 from surrogate.answers.opinions import Opinions, ProcessOpinions
+from surrogate.answers.small_fields import SmallFields
 from surrogate.answers.views import Views
 from surrogate.evaluation.metrics import MOST_DECIBELS
 from surrogate.evaluation.novelty import SeenValues
@@ -31,7 +31,7 @@ from surrogate.model.judged import LEARNT, judged, model_key
 from surrogate.model.points import AnyPoint, BothPoints
 from surrogate.model.representation import FIELD, VIEW, WORDS
 from surrogate.splatting.threads import one_torch_thread
-from surrogate.storage.records import Provenance, Record
+from surrogate.storage.records import Record
 
 Array = NDArray[np.float64]
 
@@ -147,8 +147,9 @@ class MemberDoubt:
         """Of a picture of the emulated field; None without one."""
         if self.doubt.surrogate.field is None:
             return None
-        point = self.doubt.surrogate.field.point(self.parameters, "allow", self.function)
-        return self.doubt.committee(field_of(point.appearance)).at(point)
+        fields = self.doubt.fields
+        point = fields.model.point(self.parameters, "allow", self.function)
+        return fields.committee(point).at(point)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -171,7 +172,6 @@ class Doubt:
     seen_values: SeenValues | None = None
     views: Views | None = None
     background: tuple[float, float, float] | None = None
-    _committees: dict[str, Committee] = field(default_factory=dict)
 
     @classmethod
     def of(
@@ -195,13 +195,10 @@ class Doubt:
 
     @classmethod
     def _measured(cls, surrogate: Surrogate, catalog: Catalog, folder: Path | None, progress: Report) -> Doubt:
-        started, embeddings = time.process_time(), embeddings_of(surrogate, catalog)
+        began, embeddings = time.process_time(), embeddings_of(surrogate, catalog)
         own = cls._with(surrogate, catalog, embeddings, calibrations_of(surrogate, embeddings, catalog, progress))
-        if folder is not None:
-            with suppress(OSError):  # a run that can only be read is measured anew each time
-                values = {"calibrations": {name: one.to_json() for name, one in own.calibrations.items()}}
-                provenance = Provenance.now(time.process_time() - started)
-                Record(RECORD, VERSION, key_of(surrogate, catalog), values, provenance).save(folder / FILE)
+        values = {"calibrations": {name: one.to_json() for name, one in own.calibrations.items()}}
+        Record.keep(folder and folder / FILE, RECORD, VERSION, key_of(surrogate, catalog), values, began)
         return own
 
     @classmethod
@@ -254,12 +251,11 @@ class Doubt:
         """
         return self.at(parameters, function).interval(camera)
 
-    def committee(self, name: str) -> Committee:
-        """The one of the emulated field of a name."""
+    @cached_property
+    def fields(self) -> SmallFields:
+        """The emulated fields on a coarse lattice, with other opinions."""
         assert self.surrogate.field is not None
-        if name not in self._committees:
-            self._committees[name] = Committee.of(self.surrogate.field.emulators[name])
-        return self._committees[name]
+        return SmallFields(self.surrogate.field)
 
     def _place(self, parameters: Mapping[str, Any], function: TransferFunction | None) -> tuple[str, str, Array]:
         """The words for parameters among the runs, why where training never showed it, and the point (P,)."""

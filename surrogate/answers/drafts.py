@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 from catalogs.vocabulary.appearance import Isosurface, VolumeRendering, field_of
 from catalogs.vocabulary.cameras import Camera
 from catalogs.vocabulary.words import one_line
-from surrogate.answers.committee import COARSER, thinned
+from surrogate.answers.committee import caster_of, thinned
 from surrogate.emulation import FieldEmulator
 from surrogate.model import FieldModel, Surrogate
-from surrogate.ray_casting import SampledField, SurfaceCaster, VolumeCaster
+from surrogate.ray_casting import SurfaceCaster, VolumeCaster
 
 AT_ONCE = 32  # fields in memory together
 
@@ -61,7 +61,7 @@ class Draft:
         assert isinstance(appearance, VolumeRendering | Isosurface)
         distance = field.sample_distances.get(appearance.name)
         emulator = thinned(field.emulators[field_of(appearance)])
-        return cls(emulator, appearance, None if distance is None else COARSER * distance)
+        return cls(emulator, appearance, distance)
 
     def pictures(self, points: Array, views: Views) -> NDArray[np.float32]:
         """See `Draws`."""
@@ -80,10 +80,7 @@ class Draft:
         return [casters[i] for i in inverse.ravel()]
 
     def _caster(self, values: NDArray[np.float32], point: Array) -> VolumeCaster | SurfaceCaster:
-        field = SampledField(values, self.emulator.holes(point), self.emulator.spacing, self.emulator.origin)
-        if isinstance(self.appearance, VolumeRendering):
-            return VolumeCaster.of(field, self.appearance, sample_distance=self.sample_distance, threads=1)
-        return SurfaceCaster.of(field, self.appearance)
+        return caster_of(self.emulator, values, self.emulator.holes(point), self.appearance, self.sample_distance)
 
 
 def values_at(emulator: FieldEmulator, points: Array) -> NDArray[np.float32]:

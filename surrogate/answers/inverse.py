@@ -81,12 +81,20 @@ def roughly(starts: Sequence[Start]) -> list[Start]:
         better = []
         for own, point in starts:
             small = own.at_most(ROUGH_SIDE)
-            corrected = small.corrected(point)
-            place = fitted(corrected, point, corrected, steps).point
+            nearby = corrected(small, point)
+            place = fitted(nearby, point, nearby, steps).point
             better.append((float(small.costs(place[None])[0]), own, place))
         better.sort(key=lambda one: one[0])
         starts = [(own, point) for _, own, point in better[: max(len(better) // 2, FINISHED)]]
     return list(starts)
+
+
+def corrected(residuals: Problem, point: Array) -> Function:
+    """Drafts, less their error at a `point` (U,)."""
+    draft = residuals.draft
+    assert draft is not None
+    offset = residuals(point[None]) - draft(point[None])  # [1, N]
+    return lambda points: draft(points) + offset
 
 
 def scanned(residuals: Problem) -> Array:

@@ -27,7 +27,7 @@ from surrogate.evaluation.scoring import spread
 from surrogate.model import Surrogate
 from surrogate.model.judged import judged
 from surrogate.splatting.threads import one_torch_thread
-from surrogate.storage.records import Provenance, Record
+from surrogate.storage.records import Record
 
 FILE = Path("answers") / "inverse-{}.json"
 RECORD, VERSION = "inverse", 2
@@ -64,19 +64,15 @@ class InverseCalibration:
 
 def calibration_of(surrogate: Surrogate, catalog: Catalog, pictures: int, folder: Path | None) -> InverseCalibration:
     """The calibration for a number of pictures, as kept in the run's folder, else measured and kept there."""
-    key, file = key_of(surrogate, catalog) | {"pictures": pictures}, Path(str(FILE).format(pictures))
-    record = None if folder is None else Record.load(folder / file, RECORD, VERSION, key)
+    key, path = key_of(surrogate, catalog) | {"pictures": pictures}, folder and folder / str(FILE).format(pictures)
+    record = None if path is None else Record.load(path, RECORD, VERSION, key)
     if record is not None:
         with suppress(KeyError, TypeError, ValueError):
             values = {name: numbers.finite(record.values[name], name) for name in ("factor", "residual")}
             return InverseCalibration(**values, members=numbers.count(record.values["members"], "members"))
-    started = time.process_time()
+    began = time.process_time()
     measured = measure(surrogate, catalog, pictures)
-    if folder is not None:
-        with suppress(OSError):
-            Record(RECORD, VERSION, key, asdict(measured), Provenance.now(time.process_time() - started)).save(
-                folder / file
-            )
+    Record.keep(path, RECORD, VERSION, key, asdict(measured), began)
     return measured
 
 

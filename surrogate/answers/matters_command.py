@@ -9,7 +9,7 @@ import click
 
 from catalogs.commands import one_line_errors
 from surrogate.answers.next_command import AS_JSON
-from surrogate.answers.sure_command import parameters_of
+from surrogate.answers.sure_command import camera_of, parameters_of
 from surrogate.answers.which_command import region_of
 from surrogate.command_line import RUNS, SCENE, OpenRun, load_surrogate
 
@@ -54,10 +54,7 @@ def matters(
 
     answer: Sensitivity | SobolIndices
     with one_line_errors():
-        cameras = catalog.plan.cameras or catalog.members[0].cameras
-        if view >= len(cameras):
-            raise ValueError(f"--view must be below {len(cameras)}, the number of stored cameras, got {view}")
-        camera, background = cameras[view], catalog.plan.background
+        camera, background = camera_of(catalog, view), catalog.plan.background
         box = None if region is None else region_of(region)
         if named:
             if as_members or (of, above, samples) != (None, None, None):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -140,12 +140,6 @@ class NumberResiduals:
     def draft(self) -> NumberResiduals:
         """The same of the field on a coarse lattice."""
         return replace(self, emulator=thinned(self.emulator))
-
-    def corrected(self, point: Array) -> Callable[[Array], Array]:
-        """Drafts, less their error at a `point` (P,)."""
-        draft = self.draft
-        offset = self(point[None]) - draft(point[None])  # [1, N]
-        return lambda points: draft(points) + offset
 
     def at_most(self, side: int) -> NumberResiduals:
         """Itself: numbers have no pixels."""

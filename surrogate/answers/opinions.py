@@ -105,13 +105,18 @@ class Opinions:
 
     def squares(self, camera: Camera, background: Sequence[float] | None) -> Array:
         """The squared differences (H, W, 3) of small pictures from the first, as displayed, mean over the others."""
-        small = camera.resized(max(camera.width // SMALLER, 1), max(camera.height // SMALLER, 1))
+        small = smaller(camera)
         own, *others = (composite(draw(small), background or WHITE).astype(np.float64) for draw in self.drawings)
         return np.mean([(other - own) ** 2 for other in others], axis=0)
 
     def agreement(self, camera: Camera, background: Sequence[float] | None) -> float:
         """The PSNR, dB, between them."""
         return decibels(float(self.squares(camera, background).mean()))
+
+
+def smaller(camera: Camera) -> Camera:
+    """The same view by which opinions are compared."""
+    return camera.resized(max(camera.width // SMALLER, 1), max(camera.height // SMALLER, 1))
 
 
 def _squares(first: Array, second: Array, lengths: Array) -> Array:

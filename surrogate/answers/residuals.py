@@ -93,8 +93,7 @@ class Residuals:
 
     def costs(self, points: Array) -> Array:
         """The mean squares (B,) of residuals."""
-        parts = [points[i : i + AT_ONCE] for i in range(0, len(points), AT_ONCE)]
-        return np.concatenate([(self(part) ** 2).mean(1) for part in parts])
+        return mean_squares(self, points)
 
     def costs_by_view(self, points: Array, side: int) -> Array:
         """Mean squares (B, V, T) of residuals by the views of targets without a camera, NaN for others."""
@@ -135,18 +134,17 @@ class Residuals:
         cameras = tuple(c.resized(t.width, t.height) for c, t in zip(self.cameras, targets, strict=True))
         return replace(self, targets=targets, cameras=cameras)
 
-    def corrected(self, point: Array) -> Callable[[Array], Array]:
-        """Drafts, less their error at a `point` (U,)."""
-        draft = self.draft
-        assert draft is not None
-        offset = self(point[None]) - draft(point[None])  # [1, N]
-        return lambda points: draft(points) + offset
-
     @cached_property
     def draft(self) -> Residuals | None:
         """The same by cheaper pictures, drafts of the emulated field; None where that is not drawn at all."""
         emulated = self.quick is not None and self.surrogate.representation(VIEW) != GAUSSIANS
         return replace(self, draws=self.quick) if emulated and self.quick is not None else None
+
+
+def mean_squares(residuals: Callable[[Array], Array], points: Array) -> Array:
+    """Means (B,) of squared residuals at points (B, U), some at once."""
+    parts = [points[i : i + AT_ONCE] for i in range(0, len(points), AT_ONCE)]
+    return np.concatenate([(residuals(part) ** 2).mean(1) for part in parts])
 
 
 def moved(camera: Camera, pose: Array, center: Array) -> Camera:

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2, truncnorm
 
-from surrogate.answers.inverse import FIT_SIDE, Fit, Problem
+from surrogate.answers.inverse import FIT_SIDE, Fit, Problem, corrected
 from surrogate.answers.number_targets import NumberResiduals
-from surrogate.answers.residuals import AT_ONCE, angle_between
+from surrogate.answers.residuals import angle_between, mean_squares
 from surrogate.emulation.validation import SHARE
 from surrogate.randomness import sobol_points
 
@@ -91,13 +92,7 @@ def _costs_near(residuals: Problem, fit: Fit) -> tuple[Callable[[Array], Array],
     own = residuals.seen_from(dict(enumerate(fit.cameras))).at_most(FIT_SIDE)
     if own.draft is None:
         return own.costs, CHECKED
-    corrected = own.corrected(fit.point)
-
-    def costs(points: Array) -> Array:
-        parts = [points[i : i + AT_ONCE] for i in range(0, len(points), AT_ONCE)]
-        return np.concatenate([(corrected(part) ** 2).mean(1) for part in parts])
-
-    return costs, CHECKED_DRAFTS
+    return partial(mean_squares, corrected(own, fit.point)), CHECKED_DRAFTS
 
 
 def _stretched(costs: Callable[[Array], Array], samples: Array, own_costs: Array, factor: float, seed: int) -> Array:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from catalogs.vocabulary.cameras import Camera
 from catalogs.vocabulary.parameters import ParameterSpace
 from catalogs.vocabulary.words import one_line
+from surrogate.answers.opinions import smaller
 from surrogate.answers.small_fields import SmallFields
 from surrogate.answers.targets import averaged, inside
 from surrogate.evaluation.metrics import WHITE, composite
@@ -20,7 +21,6 @@ from surrogate.model.representation import BOTH, FIELD, GAUSSIANS, WORDS
 
 STEP = 0.01  # of a range, to either side: below it pictures change by single Gaussians that appear or vanish
 MOST_STEP = 0.25
-SMALLER = 4  # times: the sides of the pictures by which two predictions are compared
 VISIBLE = 1.0 / 255.0  # of a colour over a whole range: less is not seen
 AGREE = 0.8  # the correlation of maps below which they are called uncertain
 
@@ -146,7 +146,7 @@ def sensitivity(
     maps = {name: steps.maps(surrogate.using(name).render, camera, behind) for name in drawing}
     agreements = None
     if compare and surrogate.field is not None and len(surrogate.gaussians):
-        small = camera.resized(max(camera.width // SMALLER, 1), max(camera.height // SMALLER, 1))
+        small = smaller(camera)
         draws: dict[str, Draw] = {
             GAUSSIANS: surrogate.using(GAUSSIANS).render,
             FIELD: SmallFields(surrogate.field).render,

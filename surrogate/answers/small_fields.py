@@ -28,16 +28,17 @@ class SmallFields:
     def values(self, parameters: Mapping[str, Any]) -> NDArray[np.float32]:
         """The field's values (V,), without those in holes; parameters as `Surrogate.at` takes them."""
         point = self.model.point(parameters, "allow")
-        emulator = self._committee(point).emulator
+        emulator = self.committee(point).emulator
         values, holes = emulator.posterior(point.simulation).values(), emulator.holes(point.simulation)
         return values if holes is None else values[~holes.ravel()]
 
     def render(self, rows: Sequence[Mapping[str, Any]], camera: Camera) -> NDArray[np.float32]:
         """A picture (H, W, 4) of each row of parameters, as `Surrogate.render` gives it, with fewer samples along rays."""
         points = [self.model.point(row, "allow") for row in rows]
-        return np.stack([self._committee(point).own(point).draw(camera, threads=1) for point in points])
+        return np.stack([self.committee(point).own(point).draw(camera, threads=1) for point in points])
 
-    def _committee(self, point: FieldPoint) -> Committee:
+    def committee(self, point: FieldPoint) -> Committee:
+        """The one of the field that a point shows."""
         name = field_of(point.appearance)
         if name not in self._committees:
             self._committees[name] = Committee.of(self.model.emulators[name])

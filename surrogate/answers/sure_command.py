@@ -9,6 +9,9 @@ from pathlib import Path
 import click
 
 from catalogs.commands import one_line_errors
+from catalogs.store.catalog import Catalog
+from catalogs.vocabulary.cameras import Camera
+from surrogate.answers.next_command import AS_JSON
 from surrogate.command_line import RUNS, SCENE, OpenRun, assignment, load_surrogate
 
 
@@ -23,7 +26,7 @@ from surrogate.command_line import RUNS, SCENE, OpenRun, assignment, load_surrog
     type=click.Path(dir_okay=False, path_type=Path),
     help="Draw picture and error map there.",
 )
-@click.option("--json", "as_json", is_flag=True, help="Print JSON.")
+@AS_JSON
 def sure(scene: Path, runs: Path, named: tuple[str, ...], view: int, output: Path | None, *, as_json: bool) -> None:
     """Say how sure the surrogate of a SCENE or a RUN is of a picture.
 
@@ -37,23 +40,29 @@ def sure(scene: Path, runs: Path, named: tuple[str, ...], view: int, output: Pat
     from surrogate.evaluation.metrics import WHITE, composite
 
     with one_line_errors():
-        cameras = catalog.plan.cameras or catalog.members[0].cameras
-        if view >= len(cameras):
-            raise ValueError(f"--view must be below {len(cameras)}, the number of stored cameras, got {view}")
+        camera = camera_of(catalog, view)
         names = [*surrogate.space.names, *surrogate.visualization_names]
         parameters = parameters_of(named, names)
         surrogate.at(parameters, outside="allow")  # complains before anything is measured
         doubt = Doubt.of(surrogate, catalog, opened.folder)
-        interval = doubt.interval(parameters, cameras[view])
+        interval = doubt.interval(parameters, camera)
         if output is not None:
-            picture = composite(
-                surrogate.at(parameters, outside="allow").render(cameras[view]), doubt.background or WHITE
-            )
-            errors = error_map(doubt, parameters, cameras[view])
+            picture = composite(surrogate.at(parameters, outside="allow").render(camera), doubt.background or WHITE)
+            errors = error_map(doubt, parameters, camera)
             save_sure(picture, errors, interval.sentence, parameters, output)
     click.echo(json.dumps(interval.to_json(), indent=1) if as_json else interval.sentence)
     if output is not None:
         click.echo(f"-> {output}", err=as_json)
+
+
+def camera_of(catalog: Catalog, view: int) -> Camera:
+    """The stored camera of a number from 0 on; raises ValueError for one beyond the last."""
+    from surrogate.answers.targets import views_of
+
+    cameras = views_of(catalog)
+    if view >= len(cameras):
+        raise ValueError(f"--view must be below {len(cameras)}, the number of stored cameras, got {view}")
+    return cameras[view]
 
 
 def parameters_of(named: tuple[str, ...], names: Sequence[str]) -> dict[str, float | str]:

@@ -8,6 +8,7 @@ from pathlib import Path
 import click
 
 from catalogs.commands import one_line_errors
+from surrogate.answers.next_command import AS_JSON
 from surrogate.command_line import RUNS, SCENE, OpenRun, load_surrogate
 
 
@@ -28,7 +29,7 @@ from surrogate.command_line import RUNS, SCENE, OpenRun, load_surrogate
 @click.option("--box", metavar="X0,Y0,Z0,X1,Y1,Z1", help="World corners of the part that --value is about.")
 @click.option("--region", metavar="X0,Y0,X1,Y1", help="Only these pixels count.")
 @click.option("-o", "output", type=click.Path(dir_okay=False, path_type=Path), help="Draw a figure there.")
-@click.option("--json", "as_json", is_flag=True, help="Print JSON.")
+@AS_JSON
 def which(
     scene: Path,
     pictures: tuple[str, ...],

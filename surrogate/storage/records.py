@@ -7,7 +7,9 @@ as None, so that whoever asks measures anew.  Records hold JSON values only, and
 from __future__ import annotations
 
 import json
+import time
 from collections.abc import Callable, Iterable, Mapping
+from contextlib import suppress
 from dataclasses import asdict, dataclass, field, fields
 from datetime import UTC, datetime
 from pathlib import Path
@@ -98,6 +100,15 @@ class Record:
     def save(self, path: Path) -> None:
         """Write the record to `path`, at once and whole; raises ValueError for numbers that are not finite."""
         write_json(path, asdict(self))
+
+    @classmethod
+    def keep(
+        cls, path: Path | None, kind: str, version: int, key: Mapping[str, Any], values: Mapping[str, Any], began: float
+    ) -> None:
+        """Save what was measured since processor time `began`; not where there is no path, or it can't be written."""
+        if path is not None:
+            with suppress(OSError):  # in a folder that can only be read it is measured anew each time
+                cls(kind, version, key, values, Provenance.now(time.process_time() - began)).save(path)
 
     @classmethod
     def load(cls, path: Path, kind: str, version: int, key: Mapping[str, Any] | None = None) -> Record | None:

@@ -17,14 +17,14 @@ if TYPE_CHECKING:
     from playwright.sync_api import Page
 
 DRAW = """async ([cases, engine]) => {
-  const { model } = await import("draw/local.js");
-  const { Cards } = await import("draw/cards.js"), { Scripts } = await import("draw/scripts.js");
-  const own = engine === "card" ? new Cards(model, document.createElement("canvas")) : new Scripts(model);
+  const { model } = await import("draw/local.js"), { Cards } = await import("draw/cards.js");
+  const { Graphics } = await import("draw/graphics.js"), { Scripts } = await import("draw/scripts.js");
+  const card = () => new Cards(model, new Graphics(document.createElement("canvas")));
+  const own = engine === "card" ? card() : new Scripts(model);
   return cases.map(({ parameters, camera, transfer }) => {
     if (transfer) own.setFunction(transfer);
     own.setParameters(parameters);
-    if (engine === "card") own.render(camera);
-    const numbers = engine === "card" ? own.numbers() : own.draw(camera), bytes = new Uint8Array(numbers.buffer);
+    const bytes = new Uint8Array(own.draw(camera).buffer);
     let text = "";
     for (let at = 0; at < bytes.length; at += 8192) text += String.fromCharCode(...bytes.subarray(at, at + 8192));
     return btoa(text);
@@ -43,14 +43,12 @@ def opened(page: Page, surrogate: Surrogate, folder: Path, title: str = "a run")
     return requests
 
 
-def drawn(page: Page, cases: list[dict[str, Any]], engine: str, samples: int) -> list[NDArray[np.float32]]:
+def drawn(page: Page, cases: list[dict[str, Any]], engine: str) -> list[NDArray[np.float32]]:
     """Pictures (H, W, 4) by an engine of the page."""
     pictures = []
     for text, case in zip(page.evaluate(DRAW, [cases, engine]), cases, strict=True):
         height, width = case["camera"]["height"], case["camera"]["width"]
-        times = samples if engine == "card" else 1
-        numbers = np.frombuffer(base64.b64decode(text), np.float32).reshape(height, times, width, times, 4)
-        pictures.append(numbers.mean(axis=(1, 3)))
+        pictures.append(np.frombuffer(base64.b64decode(text), np.float32).reshape(height, width, 4))
     return pictures
 
 

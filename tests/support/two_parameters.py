@@ -8,19 +8,12 @@ from typing import Any
 import numpy as np
 
 import insitu
-from catalogs.store.catalog import Catalog
 from catalogs.vocabulary.appearance import VolumeRendering
 from catalogs.vocabulary.parameters import Parameter, ParameterSpace
 from catalogs.vocabulary.scene import ViewPlan
-from surrogate.settings import TrainingSettings
-from surrogate.storage.checkpoints import fingerprint
-from surrogate.storage.runs import RunRecord
-from surrogate.training.run import train
+from tests.support.finished_runs import finish
 from tests.support.hooked import FUNCTION, blob
 
-SETTINGS = TrainingSettings(
-    gaussians=60, canonical_steps=2, deformation_steps=4, visualization_steps=4, fit_to_need=False
-)
 SIDE = 12
 TRUE = 0.42
 
@@ -44,7 +37,4 @@ def run_in(folder: Path) -> Path:
             for p in values:
                 parameters = {"p": float(p), "q": float(10.0 ** random.uniform(0.0, 2.0))}
                 session.render_member(shown(p), parameters, spacing=(1.1 / (SIDE - 1),) * 3, split=split)
-    catalog = Catalog.open(folder / "catalog.cdb")
-    train(SETTINGS, catalog, folder / "surrogate", only_field=True)
-    RunRecord("catalog.cdb", SETTINGS.to_json(), catalog.splits, fingerprint(SETTINGS, catalog)).save(folder)
-    return folder
+    return finish(folder, only_field=True)

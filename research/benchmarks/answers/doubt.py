@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from scipy.stats import spearmanr
 
 from catalogs.store.catalog import Catalog
-from research.benchmarks.page import DOCS, command_line, fill, made_by, table
+from research.benchmarks.page import DOCS, command_line, made_by, publish, table
 from surrogate.answers.calibration import Calibration, Unseen
 from surrogate.answers.doubt import Doubt
 from surrogate.answers.maps import error_map
@@ -222,9 +222,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         for kind, tested in pictures_of(run, doubt, run.catalog, options.views).items():
             rows.append(row_of(run.title, kind, tested, unseen_of(run, doubt, run.catalog, kind, tested)))
     body = f"{table(HEADER, rows)}\n<sub>{made_by(f'answers.doubt {words} --views {options.views}')}</sub>"
-    print(body)
-    if options.write:
-        fill(DOCS / "answers.md", "doubt", body)
+    publish(body, DOCS / "answers.md", "doubt", write=options.write)
 
 
 if __name__ == "__main__":

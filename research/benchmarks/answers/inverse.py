@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catalogs.store.catalog import Catalog
-from research.benchmarks.page import DOCS, command_line, fill, made_by, table
+from research.benchmarks.page import DOCS, command_line, made_by, publish, table
 from surrogate.answers.inverse import FIT_SIDE, Fit, best_fits
 from surrogate.answers.inverse_calibration import MOST, InverseCalibration, targets_for
 from surrogate.answers.posterior import Inverse, answer_of
@@ -160,9 +160,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     words += f" --search {options.search}" if options.search else ""
     tables = ([table(HEADER, rows)] if rows else []) + ([table(CAMERA_HEADER, cameras)] if cameras else [])
     body = "\n".join(tables) + f"\n<sub>{made_by(f'answers.inverse {words}')}</sub>"
-    print(body)
-    if options.write:
-        fill(DOCS / "answers.md", "inverse", body)
+    publish(body, DOCS / "answers.md", "inverse", write=options.write)
 
 
 if __name__ == "__main__":

@@ -21,7 +21,7 @@ from catalogs.store.catalog import Catalog
 from catalogs.store.splits import run_numbers
 from catalogs.vocabulary.appearance import field_of
 from catalogs.vocabulary.scene import Scene
-from research.benchmarks.page import DOCS, command_line, fill, made_by, stopwatch, table
+from research.benchmarks.page import DOCS, command_line, made_by, publish, stopwatch, table
 from surrogate.answers.next_runs import best_points
 from surrogate.emulation import FieldEmulator
 from surrogate.emulation.learning_curve import LearningCurve
@@ -105,9 +105,7 @@ def main() -> None:
         lines += rows(scene.name, catalog, given.members, given.subsets)
     words = " ".join(map(str, given.scenes))
     text = f"{table(HEADER, lines)}\n<sub>{made_by(f'answers.next_runs {words} --members {given.members}')}</sub>"
-    print(text)
-    if given.write:
-        fill(PAGE, PART, text)
+    publish(text, PAGE, PART, write=given.write)
 
 
 if __name__ == "__main__":

@@ -33,7 +33,7 @@ from catalogs.vocabulary.cameras import Camera
 from catalogs.vocabulary.parameters import ParameterSpace
 from insitu.simulations import Field
 from insitu.simulations.taylor_green_fields import dumps
-from research.benchmarks.page import DOCS, command_line, fill, made_by, stopwatch, table
+from research.benchmarks.page import DOCS, command_line, made_by, publish, stopwatch, table
 from surrogate.answers.sensitivity import STEP, Sensitivity, Steps, correlations, sensitivity
 from surrogate.answers.sobol import SIDE, Distribution, SobolIndices, picture_response, sobol_indices
 from surrogate.answers.targets import Target, stored_target
@@ -295,9 +295,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     if options.trainings:
         rows = [row for run in map(Run.open, options.runs) for row in training_rows(run.title, run.folder, run.catalog)]
         body = f"{table(TRAININGS, rows)}\n<sub>{made_by(f'answers.sensitivity {words} --trainings')}</sub>"
-        print(body)
-        if options.write:
-            fill(DOCS / "answers.md", "trainings", body)
+        publish(body, DOCS / "answers.md", "trainings", write=options.write)
         return
     report, maps, indices = stopwatch(), [], []
     for run in map(Run.open, options.runs):
@@ -307,9 +305,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         indices += index_rows(run.title, run.surrogate, run.catalog)
         report(f"{run.title}: indices")
     body = f"{table(MAPS, maps)}\n{table(INDICES, indices)}\n<sub>{made_by(f'answers.sensitivity {words}')}</sub>"
-    print(body)
-    if options.write:
-        fill(DOCS / "answers.md", "sensitivity", body)
+    publish(body, DOCS / "answers.md", "sensitivity", write=options.write)
 
 
 if __name__ == "__main__":

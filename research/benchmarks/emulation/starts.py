@@ -21,7 +21,7 @@ import torch
 
 from catalogs.store.catalog import Catalog
 from catalogs.vocabulary.variations import ISOVALUE
-from research.benchmarks.page import DOCS, command_line, fill, made_by, stopwatch, table
+from research.benchmarks.page import DOCS, command_line, made_by, publish, stopwatch, table
 from surrogate.deformation import BilinearDeformation
 from surrogate.evaluation.cases import Case, base_cells, variation_cells, variation_validation
 from surrogate.evaluation.predictor import SurrogatePredictor
@@ -171,9 +171,7 @@ def main() -> None:
         part, shown = PART, f"{len(subject.unseen)} images of unseen members; the emulated field alone has"
     about = f"{shown} {field or 0.0:.2f} dB {'at unseen isovalues and members' if options.isovalues else 'there'}."
     made = f"<sub>{made_by(f'emulation.starts {words}')}, one core</sub>"
-    print(f"{about}\n\n{text}\n{made}")
-    if options.write:
-        fill(PAGE, part, f"{about}\n\n{text}\n{made}")
+    publish(f"{about}\n\n{text}\n{made}", PAGE, part, write=options.write)
 
 
 if __name__ == "__main__":

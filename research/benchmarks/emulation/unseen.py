@@ -28,7 +28,7 @@ from insitu.ensembles.sources import ensemble_of
 from insitu.fields.location import FieldLocation
 from insitu.fields.member_fields import as_fields
 from render import Grid, render_views
-from research.benchmarks.page import DOCS, command_line, fill, made_by, stopwatch, table
+from research.benchmarks.page import DOCS, command_line, made_by, publish, stopwatch, table
 from surrogate.appearance.scale import ValueScale
 from surrogate.emulation import EmulatedField, FieldEmulator
 from surrogate.evaluation.numbers import VALUES, number_errors
@@ -160,9 +160,7 @@ def main() -> None:
     rows = list(_measured(given.scenes, given.runs, given.views, say))
     words = " ".join(map(str, given.scenes))
     text = f"{table(HEADER, rows)}\n<sub>{made_by(f'emulation.unseen {words}')}, processor seconds of one core</sub>"
-    print(text)
-    if given.write:
-        fill(PAGE, PART, text)
+    publish(text, PAGE, PART, write=given.write)
 
 
 def _measured(scenes: Sequence[Path], runs: Path, views: int, say: Callable[[str], None]) -> Iterator[list[str]]:

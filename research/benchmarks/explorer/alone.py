@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from playwright.sync_api import Page, sync_playwright
 
-from research.benchmarks.page import DOCS, command_line, fill, made_by, table
+from research.benchmarks.page import DOCS, command_line, made_by, publish, table
 from surrogate.evaluation.metrics import WHITE
 from surrogate.explore.exporting.page import page_bytes
 from surrogate.explore.run import Run
@@ -65,7 +65,7 @@ def rows_of(run: Run, page: Page, pictures: int) -> list[list[str]]:
             expected.append(surrogate.at(parameters).render(camera, background=WHITE))
         scores = {}
         for engine in ("card", "scripts"):
-            found = [picture for case in cases for picture in drawn(page, [case], engine, surrogate.rasterizer.samples)]
+            found = [picture for case in cases for picture in drawn(page, [case], engine)]
             each = [decibels(*pair) for pair in zip(found, expected, strict=True)]
             scores[engine] = f"{np.mean(each):.1f} / {min(each):.1f}"
         view, parameters_too = page.evaluate(TIMES, cases)
@@ -105,9 +105,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         browser.close()
     command = f"explorer.alone {' '.join(map(str, options.runs))} --pictures {options.pictures}"
     body = f"{table(HEADER, rows)}\n<sub>{made_by(command)}</sub>"
-    print(body)
-    if options.write:
-        fill(DOCS / "explorer.md", "alone", body)
+    publish(body, DOCS / "explorer.md", "alone", write=options.write)
 
 
 if __name__ == "__main__":

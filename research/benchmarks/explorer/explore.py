@@ -24,7 +24,7 @@ from pathlib import Path
 import psutil
 from playwright.sync_api import Browser, Page, sync_playwright
 
-from research.benchmarks.page import DOCS, command_line, commit, fill, table
+from research.benchmarks.page import DOCS, command_line, commit, publish, table
 from surrogate.provenance import machine
 from tests.support.browsers import FLAGS, find_browser
 
@@ -219,9 +219,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         browser.close()
     made = f"`{given.run.name}`; {machine()['processor']}, {psutil.cpu_count()} cores that also ran the browser; commit {commit()}."
     body = f"{table(['what', 'measured', 'at worst'], rows)}\n{made}"
-    print(body)
-    if given.write:
-        fill(DOCS / "explorer.md", "speed", body)
+    publish(body, DOCS / "explorer.md", "speed", write=given.write)
 
 
 if __name__ == "__main__":

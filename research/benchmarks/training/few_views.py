@@ -24,7 +24,7 @@ from catalogs.store.members import RECORD, ROWS, read_member, write_record
 from catalogs.vocabulary.cameras import Camera
 from catalogs.vocabulary.farthest import farthest_points
 from catalogs.vocabulary.scene import Scene
-from research.benchmarks.page import DOCS, command_line, fill, made_by, stopwatch, table
+from research.benchmarks.page import DOCS, command_line, made_by, publish, stopwatch, table
 from research.studies.repeats.run import score_model
 from surrogate.evaluation.tables import number
 from surrogate.model import Surrogate
@@ -104,9 +104,7 @@ def main() -> None:
         parser.error(str(error))
     words = " ".join(map(str, (*given.scenes, "--views", *given.views)))
     text = f"{table(HEADER, rows)}\n<sub>{made_by(f'training.few_views {words}')}, the scenes' own seeds</sub>"
-    print(text)
-    if given.write:
-        fill(PAGE, PART, text)
+    publish(text, PAGE, PART, write=given.write)
 
 
 if __name__ == "__main__":

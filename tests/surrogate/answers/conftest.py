@@ -11,17 +11,10 @@ from catalogs.store.catalog import Catalog
 from catalogs.vocabulary.appearance import VolumeRendering
 from catalogs.vocabulary.scene import ViewPlan
 from surrogate.model import Surrogate
-from surrogate.settings import TrainingSettings
-from surrogate.storage.checkpoints import fingerprint
-from surrogate.storage.runs import RunRecord
-from surrogate.training.run import train
+from tests.support.finished_runs import finish
 from tests.support.hooked import FUNCTION
 from tests.support.three_parameters import SPACE, SPACING, shown
 from tests.support.two_parameters import run_in
-
-SETTINGS = TrainingSettings(
-    gaussians=60, canonical_steps=2, deformation_steps=4, visualization_steps=4, fit_to_need=False
-)
 
 
 @pytest.fixture(scope="session")
@@ -35,10 +28,7 @@ def three(tmp_path_factory: pytest.TempPathFactory) -> Path:
             for row in rows:
                 parameters = dict(zip(SPACE.names, map(float, row), strict=True))
                 session.render_member(shown(**parameters), parameters, spacing=SPACING, split=split)
-    catalog = Catalog.open(folder / "catalog.cdb")
-    train(SETTINGS, catalog, folder / "surrogate")
-    RunRecord("catalog.cdb", SETTINGS.to_json(), catalog.splits, fingerprint(SETTINGS, catalog)).save(folder)
-    return folder
+    return finish(folder, only_field=False)
 
 
 @pytest.fixture(scope="session")

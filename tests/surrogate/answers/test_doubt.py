@@ -24,15 +24,10 @@ from surrogate.cli import main
 from surrogate.evaluation.metrics import WHITE, composite, psnr
 from surrogate.explore.run import Run
 from surrogate.model import Surrogate
-from surrogate.settings import TrainingSettings
-from surrogate.storage.checkpoints import fingerprint
-from surrogate.storage.runs import RunRecord
 from surrogate.training.run import train
+from tests.support.finished_runs import SETTINGS, finish
 from tests.support.hooked import FUNCTION, blob
 
-SETTINGS = TrainingSettings(
-    gaussians=60, canonical_steps=2, deformation_steps=4, visualization_steps=4, fit_to_need=False
-)
 TRAINED = np.linspace(0.0, 1.0, 14)
 VALIDATED, TESTED = (0.11, 0.34, 0.57, 0.81), (0.04, 0.2, 0.42, 0.5, 0.65, 0.73, 0.88, 0.96)
 SIDE = 12
@@ -56,11 +51,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
         for split, values in (("train", TRAINED), ("validation", VALIDATED), ("test", TESTED)):
             for p in values:
                 session.render_member(moving(p), {"p": float(p)}, spacing=(1.1 / (SIDE - 1),) * 3, split=split)
-    catalog = Catalog.open(folder / "catalog.cdb")
-    train(SETTINGS, catalog, folder / "surrogate", only_field=True)
-    mark = fingerprint(SETTINGS, catalog)
-    RunRecord("catalog.cdb", SETTINGS.to_json(), catalog.splits, mark).save(folder)
-    return folder
+    return finish(folder, only_field=True)
 
 
 @pytest.fixture(scope="module")

@@ -118,3 +118,15 @@ def test_provenance_says_which_code_made_it() -> None:
     assert found.code
     assert found.processor_seconds == 2.0
     assert "processor" in found.machine
+
+
+def test_a_measurement_is_kept_where_it_can_be(tmp_path: Path) -> None:
+    Record.keep(tmp_path / "size.json", "size", 2, {"seed": 3}, {"megabytes": 1.5}, 0.0)
+    found = load(tmp_path / "size.json", seed=3)
+    assert found is not None
+    assert found.values == {"megabytes": 1.5}
+    assert (found.provenance.processor_seconds or 0.0) > 0.0
+    (tmp_path / "in the way").write_text("")
+    Record.keep(tmp_path / "in the way" / "size.json", "size", 2, {}, {}, 0.0)
+    Record.keep(None, "size", 2, {}, {}, 0.0)
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["in the way", "size.json"]

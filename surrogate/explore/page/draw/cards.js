@@ -5,16 +5,16 @@ import { Graphics } from "draw/graphics.js";
 import { resampled } from "draw/nodes.js";
 import { Order } from "draw/order.js";
 import { normalized } from "draw/parameters.js";
+import { averaged } from "draw/samples.js";
 import * as shaders from "draw/shaders.js";
 
 const { ACROSS } = shaders, AT_ONCE = 4; // columns of four that a pass writes: WebGL2 promises as many targets
 
 export class Cards {
-  /** Throws where the browser can't. */
-  constructor(model, canvas) {
+  constructor(model, graphics) {
     const { count, width } = model.columns;
     this.model = model;
-    this.graphics = new Graphics(canvas);
+    this.graphics = graphics;
     this.count = count;
     this.rows = Graphics.rows(count);
     this.fours = Math.ceil(width / 4);
@@ -174,17 +174,21 @@ export class Cards {
     this.graphics.write(this.textures.order, "order", ACROSS, rows, reversed);
   }
 
-  /** Show the last picture on the canvas, over a background [red, green, blue]. */
-  show(background) {
-    const { graphics, programs, picture, model: { record: { rasterizer: { samples } } } } = this;
-    graphics.run(programs.show, null, { picture: picture.textures[0], background, samples, height: picture.height / samples });
+  /** A bitmap of what a world camera sees, over a background [red, green, blue]; no number leaves the card. */
+  bitmap(camera, background) {
+    this.render(camera);
+    const { graphics, programs, picture, model: { record: { rasterizer: { samples } } } } = this, { width, height } = camera;
+    Object.assign(graphics.canvas, { width, height });
+    graphics.run(programs.show, null, { picture: picture.textures[0], background, samples, height });
+    return createImageBitmap(graphics.canvas);
   }
 
-  /** The last picture as premultiplied RGBA (H, W, 4) of its samples. */
-  numbers() {
+  /** The picture of a world camera: premultiplied RGBA (H, W, 4) float32. */
+  draw(camera) {
+    this.render(camera);
     const { gl } = this.graphics, { frame, width, height } = this.picture, numbers = new Float32Array(4 * width * height);
     gl.bindFramebuffer(gl.FRAMEBUFFER, frame);
     gl.readPixels(0, 0, width, height, gl.RGBA, gl.FLOAT, numbers);
-    return numbers;
+    return averaged(numbers, camera.width, camera.height, width / camera.width);
   }
 }

@@ -1,6 +1,8 @@
 // Values that follow an emulated field: what Gaussian processes expect at a point, and what that adds to each Gaussian's value.
 // See surrogate/deformation/emulated_values.py.
 
+import { onScale } from "draw/nodes.js";
+
 const BEYOND = 0.2; // of the scale, by which values may lie outside its ends
 
 export class EmulatedValues {
@@ -73,12 +75,8 @@ export class EmulatedValues {
 
   /** A value on the scale of carried ones, cut beyond its ends. */
   carried(value) {
-    const { knots } = this, cut = place => Math.min(Math.max(place, -BEYOND), 1 + BEYOND);
-    if (!knots) return cut(value);
-    let low = 0;
-    const last = knots.length - 1;
-    while (low < last - 1 && value >= knots[low + 1]) ++low;
-    return cut((low + (value - knots[low]) / (knots[low + 1] - knots[low])) / last);
+    const place = this.knots ? onScale(value, this.knots) : value;
+    return Math.min(Math.max(place, -BEYOND), 1 + BEYOND);
   }
 }
 

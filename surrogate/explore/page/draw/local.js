@@ -3,22 +3,23 @@
 
 import { Cards } from "draw/cards.js";
 import { differenceOf } from "draw/difference.js";
+import { Graphics } from "draw/graphics.js";
 import { modelOf } from "draw/model.js";
 import { Scripts } from "draw/scripts.js";
 import { across, cross, unit } from "web/vectors.js";
 
-const CARD = "card", SCRIPTS = "scripts";
+const CARD = "card", SCRIPTS = "scripts", WORDS = { [CARD]: "graphics card", [SCRIPTS]: "scripts" };
 
 const given = JSON.parse(document.getElementById("surrogate").textContent);
 export const model = modelOf(await tensors(), given.record);
-const canvas = document.createElement("canvas"), engines = {};
-let refusal = "";
+const engines = {}; // that have drawn
+let graphics, refusal = "";
 try {
-  engines[CARD] = new Cards(model, canvas);
+  graphics = new Graphics(document.createElement("canvas"));
 } catch (error) {
   refusal = error.message;
 }
-const best = engines[CARD] && !engines[CARD].graphics.software ? CARD : SCRIPTS;
+const best = graphics && !graphics.software ? CARD : SCRIPTS;
 
 /** Bytes of base64 and gzip. */
 async function tensors() {
@@ -35,32 +36,27 @@ export const listen = () => {};
 
 export async function facts() {
   const { megabytes } = given.facts.model;
-  const ways = [engines[CARD] && { name: CARD, words: `graphics card: ${engines[CARD].graphics.renderer}`, megabytes },
-    { name: SCRIPTS, words: refusal ? `scripts, for ${refusal}` : "scripts", megabytes }].filter(Boolean);
+  const ways = [graphics && { name: CARD, words: `${WORDS[CARD]}: ${graphics.renderer}`, megabytes },
+    { name: SCRIPTS, words: refusal ? `${WORDS[SCRIPTS]}, for ${refusal}` : WORDS[SCRIPTS], megabytes }].filter(Boolean);
   return { ...given.facts, model: { ...given.facts.model, best: "what is faster here", representations: ways } };
 }
 
 /** An answer with pictures as bitmaps. */
 export async function frame(request) {
-  const started = performance.now(), background = channels(request.background), camera = lookAt(request.camera, request.size);
-  const pictures = [], kept = [];
-  for (const setting of request.settings) {
-    const engine = engineOf(setting);
-    adjust(engine, setting);
-    const picture = drawn(engine, camera, background);
-    if (request.difference) kept.push(picture);
-    pictures.push(await bitmap(picture, request.size));
-  }
-  const answer = { truth: null };
+  const started = performance.now(), { settings, size } = request, background = channels(request.background), camera = lookAt(request.camera, size);
+  const pictures = [], answer = { truth: null };
   if (request.difference) {
-    const { picture, ...numbers } = differenceOf(...kept);
-    pictures.push(await bitmap(picture, request.size));
+    const both = settings.map(setting => displayed(shown(setting).draw(camera), background));
+    const { picture, ...numbers } = differenceOf(...both);
+    for (const own of [...both, picture]) pictures.push(await bitmapOf(own, size));
     answer.difference = numbers;
+  } else {
+    for (const setting of settings) pictures.push(await bitmap(shown(setting), camera, background));
   }
   return {
-    ...answer, pictures, form: request.form, size: request.size, drawn: performance.now() - started,
-    by: request.settings.map(setting => setting.using || best),
-    expected: request.form === "png" ? request.settings.map(expected) : null,
+    ...answer, pictures, form: request.form, size, drawn: performance.now() - started,
+    by: settings.map(setting => WORDS[setting.using || best]),
+    expected: request.form === "png" ? settings.map(expected) : null,
   };
 }
 
@@ -75,19 +71,17 @@ export async function exported(request) {
   return { name: `${given.facts.title}.png`, blob: await new Promise(resolve => { page.toBlob(resolve); }) };
 }
 
-function engineOf({ using }) {
-  const name = using || best;
-  engines[name] ??= new Scripts(model);
-  return engines[name];
-}
-
-/** Let an engine show a setting: what it shows already is not computed anew. */
-function adjust(engine, { parameters, visualization, color_map: map }) {
+/** The engine that a setting names, which shows it: what it shows already is not computed anew. */
+function shown({ using, parameters, visualization, color_map: map }) {
+  const name = using || best, engine = engines[name] ??= name === CARD ? new Cards(model, graphics) : new Scripts(model);
   const point = JSON.stringify(parameters), look = JSON.stringify([visualization, map]);
   if (engine.point !== point) engine.setParameters(parameters);
   if (given.record.field && engine.look !== look) engine.setFunction(transferOf(visualization, map));
-  Object.assign(engine, { point, look });
+  return Object.assign(engine, { point, look });
 }
+
+const bitmap = (engine, camera, background) =>
+  engine instanceof Cards ? engine.bitmap(camera, background) : bitmapOf(displayed(engine.draw(camera), background), [camera.width, camera.height]);
 
 /** The transfer function of displaced control points and a colour map; see `displaced` of the catalog's variations. */
 function transferOf(visualization, map) {
@@ -100,29 +94,17 @@ function transferOf(visualization, map) {
   return { ...base, opacity_points: points, color_points: colors };
 }
 
-/** The picture as displayed, (H, W, 3) in [0, 1]. */
-function drawn(engine, camera, [red, green, blue]) {
-  let numbers, samples = 1;
-  if (engine instanceof Cards) {
-    engine.render(camera);
-    numbers = engine.numbers();
-    samples = engine.picture.width / camera.width;
-  } else numbers = engine.draw(camera);
-  const { width, height } = camera, picture = new Float32Array(3 * width * height), share = 1 / samples ** 2;
-  for (let row = 0; row < height * samples; ++row) {
-    for (let column = 0; column < width * samples; ++column) {
-      const from = 4 * (row * width * samples + column), to = 3 * (Math.floor(row / samples) * width + Math.floor(column / samples));
-      const through = 1 - numbers[from + 3];
-      picture[to] += share * (numbers[from] + through * red);
-      picture[to + 1] += share * (numbers[from + 1] + through * green);
-      picture[to + 2] += share * (numbers[from + 2] + through * blue);
-    }
+/** A picture of premultiplied RGBA as displayed, (H, W, 3) in [0, 1]. */
+function displayed(numbers, background) {
+  const picture = new Float32Array(3 * numbers.length / 4);
+  for (let from = 0, to = 0; from < numbers.length; from += 4) {
+    for (let k = 0; k < 3; ++k) picture[to++] = numbers[from + k] + (1 - numbers[from + 3]) * background[k];
   }
   return picture;
 }
 
 /** A picture (H, W, 3) in [0, 1] as a bitmap. */
-function bitmap(picture, [width, height]) {
+function bitmapOf(picture, [width, height]) {
   const bytes = new Uint8ClampedArray(4 * width * height);
   for (let from = 0, to = 0; from < picture.length; to += 4) {
     for (let k = 0; k < 3; ++k) bytes[to + k] = 255 * picture[from++];

@@ -6,6 +6,7 @@ import { GEOMETRY } from "draw/model.js";
 import { resampled } from "draw/nodes.js";
 import { Order } from "draw/order.js";
 import { normalized } from "draw/parameters.js";
+import { averaged } from "draw/samples.js";
 
 const MARGIN = 0.15, LEAST_TRANSMITTANCE = 1e-4, SHORTEST = 1e-12; // as `Constants` of the engine
 const DEPTHS = [1e-4, 12], MOST_DEPTH = 80; // of a Gaussian, and along a ray
@@ -92,7 +93,7 @@ export class Scripts {
     if (this.stale) this.prepare();
     const seen = finer(normalizedCamera(camera, record.normalization), samples);
     const picture = this.composite(this.order.sorted(this.project(seen)), seen);
-    return samples === 1 ? picture : averaged(picture, camera.width, camera.height, samples);
+    return averaged(picture, camera.width, camera.height, samples);
   }
 
   /** Project all Gaussians that can be seen, with their depths; returns how many. */
@@ -189,16 +190,4 @@ export class Scripts {
     for (let at = 3; at < picture.length; at += 4) picture[at] = 1 - picture[at];
     return picture;
   }
-}
-
-/** Means of squares of `samples` pixels a side. */
-function averaged(picture, width, height, samples) {
-  const small = new Float32Array(4 * width * height), share = 1 / samples ** 2;
-  for (let row = 0; row < height * samples; ++row) {
-    for (let column = 0; column < width * samples; ++column) {
-      const from = 4 * (row * width * samples + column), to = 4 * (Math.floor(row / samples) * width + Math.floor(column / samples));
-      for (let k = 0; k < 4; ++k) small[to + k] += share * picture[from + k];
-    }
-  }
-  return small;
 }

@@ -140,7 +140,7 @@ def test_the_page_draws_what_the_engine_draws(page: Page, tmp_path: Path, name: 
         expected.append(surrogate.at(parameters).render(camera, background=WHITE))
     assert max(float(picture.mean()) for picture in expected) < 0.99
     for engine, mean, worst in (("card", 95.0, 85.0), ("scripts", 80.0, 75.0)):
-        found = drawn(page, cases, engine, surrogate.rasterizer.samples)
+        found = drawn(page, cases, engine)
         scores = [decibels(*pair) for pair in zip(found, expected, strict=True)]
         assert np.mean(scores) >= mean, (engine, scores)
         assert min(scores) >= worst, (engine, scores)
@@ -156,9 +156,33 @@ def test_any_transfer_function_is_drawn(page: Page, tmp_path: Path) -> None:
         ("card", 80.0),
         ("scripts", 75.0),
     ):  # of what is opaque a card draws on, where the engine stops
-        for name, picture in zip(FUNCTIONS, drawn(page, cases, engine, 1), strict=True):
+        for name, picture in zip(FUNCTIONS, drawn(page, cases, engine), strict=True):
             expected = surrogate.under(FUNCTIONS[name], parameters).render(camera, background=WHITE)
             assert decibels(picture, expected) >= worst, (engine, name)
+
+
+@pytest.mark.parametrize("engine", ["card", "scripts"])
+@pytest.mark.parametrize("name", ["four samples a pixel", "values that follow a field, logarithmic"])
+def test_what_is_shown_is_the_picture_in_8_bits(page: Page, tmp_path: Path, name: str, engine: str) -> None:
+    surrogate = MODELS[name]()
+    opened(page, surrogate, tmp_path)
+    script = """async request => {
+      const { frame } = await import("draw/local.js"), { pictures: [bitmap] } = await frame(request), canvas = document.createElement("canvas");
+      [canvas.width, canvas.height] = request.size;
+      const context = canvas.getContext("2d");
+      context.drawImage(bitmap, 0, 0);
+      return [...context.getImageData(0, 0, ...request.size).data];
+    }"""
+    place = (CENTER + [0.0, -2.5 * EXTENT, 0.5 * EXTENT]).tolist()
+    seen = {"position": place, "target": CENTER.tolist(), "up": [0.0, 0.0, 1.0], "field": 40.0}
+    setting = {"parameters": surrogate.space.middle, "visualization": {}, "color_map": "", "using": engine}
+    request = {"settings": [setting], "camera": seen, "size": [SIDE, SIDE - 8], "background": "#336699", "form": "png"}
+    found = np.reshape(page.evaluate(script, request), (SIDE - 8, SIDE, 4))[..., :3]
+    camera = Camera.look_at(place, CENTER, vertical_fov_degrees=40.0, width=SIDE, height=SIDE - 8)
+    background = (0x33 / 255, 0x66 / 255, 0x99 / 255)
+    expected = 255.0 * surrogate.at(surrogate.space.middle).render(camera, background=background)[..., :3]
+    assert np.ptp(expected) > 50.0
+    assert np.abs(found - expected).max() < 1.01
 
 
 @pytest.mark.parametrize("name", FUNCTIONS)
