@@ -94,7 +94,7 @@ def _content(run: Run, whole: StoredModel) -> dict[str, Any]:
     page_facts["variations"] = [one for one in page_facts["variations"] if one["kind"] in functions]
     page_facts["model"] |= {"megabytes": surrogate.using(GAUSSIANS).sizes[GAUSSIANS]}
     return {
-        "facts": page_facts | {"truth": False, "exports": ["png"]},
+        "facts": page_facts | {"truth": False, "exports": {"png": "PNG"}},
         "record": {name: whole.record[name] for name in DRAWN if name in whole.record},
         "maps": {name: color_points(name, 0.0, 1.0) for name in NAMES} if functions else {},
         "expected": _expected(surrogate),

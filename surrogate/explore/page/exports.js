@@ -12,10 +12,9 @@ const SCALES = [1, 2];
 /** Saves what the explorer shows. */
 export function exportPanel(explorer) {
   const say = text => explorer.say(text), { mode } = explorer.state;
-  const offered = { ...(mode === "sweep" ? SWEEPS : mode === "compare" ? COMPARISONS : {}), ...PICTURES };
+  const offered = explorer.facts.exports ?? { ...(mode === "sweep" ? SWEEPS : mode === "compare" ? COMPARISONS : {}), ...PICTURES };
   if (!explorer.facts.model.gaussians) delete offered[GAUSSIANS];
   if (!explorer.facts.model.representations.some(({ name }) => name === "field")) delete offered[FIELDS];
-  if (explorer.facts.exports) Object.keys(offered).filter(kind => !explorer.facts.exports.includes(kind)).forEach(kind => { delete offered[kind]; });
   const kinds = menu("As", "export-kind", undefined, Object.entries(offered), () => resize());
   const sizes = menu("Size", "export-scale", undefined, []), chosen = box => box.querySelector("select");
   function resize() {

@@ -167,13 +167,14 @@ def test_what_is_shown_is_the_picture_in_8_bits(page: Page, tmp_path: Path, name
     surrogate = MODELS[name]()
     opened(page, surrogate, tmp_path)
     script = """async request => {
-      const { frame } = await import("draw/local.js"), { pictures: [bitmap] } = await frame(request), canvas = document.createElement("canvas");
+      const { frame } = await import("draw/local.js"), { pictures: [bitmap] } = await frame(request);
+      const canvas = document.createElement("canvas");
       [canvas.width, canvas.height] = request.size;
       const context = canvas.getContext("2d");
       context.drawImage(bitmap, 0, 0);
       return [...context.getImageData(0, 0, ...request.size).data];
     }"""
-    place = (CENTER + [0.0, -2.5 * EXTENT, 0.5 * EXTENT]).tolist()
+    place = (CENTER + EXTENT * np.array([0.0, -2.5, 0.5])).tolist()
     seen = {"position": place, "target": CENTER.tolist(), "up": [0.0, 0.0, 1.0], "field": 40.0}
     setting = {"parameters": surrogate.space.middle, "visualization": {}, "color_map": "", "using": engine}
     request = {"settings": [setting], "camera": seen, "size": [SIDE, SIDE - 8], "background": "#336699", "form": "png"}
@@ -210,7 +211,7 @@ def test_a_file_opens_without_a_request_and_all_controls_work(page: Page, tmp_pa
     for mode in ("compare", "sweep", "view"):
         page.locator(f"#mode-{mode}").click()
         page.wait_for_function("() => window.explorer.resting")
-        assert page.locator("#export-kind option").all_inner_texts() == ["PNG, parameters inside"]
+        assert page.locator("#export-kind option").all_inner_texts() == ["PNG"]
     with page.expect_download() as saved:
         page.locator("#export").click()
     assert saved.value.suggested_filename == "a run.png"
