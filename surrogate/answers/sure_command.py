@@ -5,14 +5,17 @@ from __future__ import annotations
 import json
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
 from catalogs.commands import one_line_errors
-from catalogs.store.catalog import Catalog
-from catalogs.vocabulary.cameras import Camera
 from surrogate.answers.next_command import AS_JSON
 from surrogate.command_line import RUNS, SCENE, OpenRun, assignment, load_surrogate
+
+if TYPE_CHECKING:  # --help loads nothing heavy
+    from catalogs.store.catalog import Catalog
+    from catalogs.vocabulary.cameras import Camera
 
 
 @click.command("sure")
