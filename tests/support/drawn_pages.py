@@ -17,11 +17,15 @@ if TYPE_CHECKING:
     from playwright.sync_api import Page
 
 DRAW = """async ([cases, engine]) => {
-  const { model } = await import("draw/local.js"), { Cards } = await import("draw/cards.js");
+  const { model, transferOf } = await import("draw/local.js"), { figureFor } = await import("draw/model.js");
+  const { Cards } = await import("draw/cards.js");
   const { Graphics } = await import("draw/graphics.js"), { Scripts } = await import("draw/scripts.js");
-  const card = () => new Cards(model, new Graphics(document.createElement("canvas")));
-  const own = engine === "card" ? card() : new Scripts(model);
-  return cases.map(({ parameters, camera, transfer }) => {
+  const card = figure => new Cards(figure, new Graphics(document.createElement("canvas"))), engines = new Map();
+  const engineOf = figure => engine === "card" ? card(figure) : new Scripts(figure);
+  return cases.map(({ parameters, camera, transfer, visualization }) => {
+    const figure = figureFor(model, parameters), own = engines.get(figure) ?? engineOf(figure);
+    engines.set(figure, own);
+    if (visualization) own.setFunction(transferOf(figure.base, visualization, ""));
     if (transfer) own.setFunction(transfer);
     own.setParameters(parameters);
     const bytes = new Uint8Array(own.draw(camera).buffer);

@@ -37,7 +37,8 @@ HEADER = [
     "scripts, ms: view / parameters",
 ]
 TIMES = """async cases => {
-  const { model } = await import("draw/local.js"), { Scripts } = await import("draw/scripts.js"), own = new Scripts(model);
+  const { model } = await import("draw/local.js"), { Scripts } = await import("draw/scripts.js");
+  const own = new Scripts(model.figures[0]);
   const median = times => times.sort((a, b) => a - b)[times.length >> 1], views = [], points = [];
   for (const { parameters, camera } of cases) {
     const start = performance.now();

@@ -15,11 +15,13 @@ import re
 from importlib.resources import files
 from typing import Any
 
+from catalogs.vocabulary.variations.isovalue import IsovalueVariation
 from catalogs.web import ASSETS
-from surrogate.appearance.field_gaussians import FieldGaussians
+from surrogate.deformation.visualization import Visualization
 from surrogate.explore.color_maps import NAMES, color_points
 from surrogate.explore.facts import facts
 from surrogate.explore.run import Run
+from surrogate.explore.setting import base_function
 from surrogate.model import Surrogate
 from surrogate.model.form import stored_form
 from surrogate.model.representation import GAUSSIANS, VIEW
@@ -54,7 +56,7 @@ TEMPLATE = """<!doctype html>
 def page_bytes(run: Run) -> bytes:
     """The page of a run, as HTML.
 
-    Raises ValueError for a surrogate that the page can't draw: without Gaussians, or of isosurfaces.
+    Raises ValueError for a surrogate without Gaussians, which the page can't draw.
     """
     surrogate = run.surrogate
     require_drawable(surrogate)
@@ -79,26 +81,33 @@ def page_bytes(run: Run) -> bytes:
 
 def require_drawable(surrogate: Surrogate) -> None:
     """Raise ValueError for a surrogate whose pictures a page can't draw."""
-    server = "explore the run with `surrogate explore RUN` instead"
     if not len(surrogate.gaussians):
-        raise ValueError(f"a page is drawn by Gaussians, and this surrogate has none: {server}")
-    if getattr(surrogate.gaussians, "lighting", None) is not None:
-        raise ValueError(f"a page draws no lit surfaces: {server}")
+        raise ValueError(
+            "a page is drawn by Gaussians, and this surrogate has none: explore the run with `surrogate explore RUN` instead"
+        )
 
 
 def _content(run: Run, whole: StoredModel) -> dict[str, Any]:
     """Everything that the page must know, as JSON values."""
     surrogate, page_facts = run.surrogate, facts(run)
-    carried = isinstance(surrogate.gaussians, FieldGaussians)
-    functions = [v.variation.kind for v in surrogate.visualizations if carried and v.deformation is None]
-    page_facts["variations"] = [one for one in page_facts["variations"] if one["kind"] in functions]
+    followed = [v.variation.kind for v in surrogate.visualizations]
+    page_facts["variations"] = [one for one in page_facts["variations"] if one["kind"] in followed]
     page_facts["model"] |= {"megabytes": surrogate.using(GAUSSIANS).sizes[GAUSSIANS]}
+    record = {name: whole.record[name] for name in DRAWN if name in whole.record}
     return {
         "facts": page_facts | {"truth": False, "exports": {"png": "PNG"}},
-        "record": {name: whole.record[name] for name in DRAWN if name in whole.record},
-        "maps": {name: color_points(name, 0.0, 1.0) for name in NAMES} if functions else {},
+        "record": record | {"visualizations": [_visualization(v) for v in surrogate.visualizations]},
+        "maps": {name: color_points(name, 0.0, 1.0) for name in NAMES} if base_function(surrogate) else {},
         "expected": _expected(surrogate),
     }
+
+
+def _visualization(one: Visualization) -> dict[str, Any]:
+    """A visualization's record, with what normalizes its parameters in place of all its settings."""
+    variation = one.variation
+    form = {"kind": variation.kind, "base": variation.base, "parameters": variation.space.to_json()}
+    trained = sorted(values[0] for values in variation.trained) if variation.kind == IsovalueVariation.kind else []
+    return one.record() | {"variation": form | {"trained": trained}}
 
 
 def _expected(surrogate: Surrogate) -> str:

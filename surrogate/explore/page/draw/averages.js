@@ -3,7 +3,7 @@
 
 import { SPREADS, VALUES } from "draw/nodes.js";
 
-const LEVELS = 64, CELL = 1 / 3, FAR = 8; // logarithms of spreads; of a spread; spreads beyond which a bend is a bend
+const CELL = 1 / 3, FAR = 8; // of a spread; spreads beyond which a bend is a bend
 const ROOT = Math.sqrt(2 * Math.PI);
 
 /** The normal distribution's cumulative function, to 2e-7 relative in its lower tail (Press et al. 1992, section 6.2: erfcc). */
@@ -19,16 +19,17 @@ const ramp = z => z * cumulative(z) + Math.exp(-0.5 * z * z) / ROOT;
 
 /** Averages of nodes at any value and spread, by cubic interpolation along values and linear along logarithms of spreads. */
 export class AverageTable {
-  constructor({ places, columns }) {
+  /** With as many `levels` of spreads. */
+  constructor({ places, columns }, levels = 64) {
     this.lowest = Math.log(SPREADS[0]);
-    this.step = (Math.log(SPREADS[1]) - this.lowest) / (LEVELS - 1);
-    this.levels = Array.from({ length: LEVELS }, (_, level) => levelOf(places, columns, Math.exp(this.lowest + level * this.step)));
+    this.step = (Math.log(SPREADS[1]) - this.lowest) / (levels - 1);
+    this.levels = Array.from({ length: levels }, (_, level) => levelOf(places, columns, Math.exp(this.lowest + level * this.step)));
   }
 
   /** The four columns at a value and the logarithm of a spread, into `output` (4,). */
   at(value, logSpread, output) {
-    const place = Math.min(Math.max((logSpread - this.lowest) / this.step, 0), LEVELS - 1);
-    const level = Math.min(Math.floor(place), LEVELS - 2), share = place - level;
+    const last = this.levels.length - 1, place = Math.min(Math.max((logSpread - this.lowest) / this.step, 0), last);
+    const level = Math.min(Math.floor(place), last - 1), share = place - level;
     output.fill(0);
     this.levels[level].add(value, 1 - share, output);
     this.levels[level + 1].add(value, share, output);

@@ -4,40 +4,39 @@ import { finer, normalizedCamera } from "draw/camera.js";
 import { Graphics } from "draw/graphics.js";
 import { resampled } from "draw/nodes.js";
 import { Order } from "draw/order.js";
-import { normalized } from "draw/parameters.js";
 import { averaged } from "draw/samples.js";
 import * as shaders from "draw/shaders.js";
 
 const { ACROSS } = shaders, AT_ONCE = 4; // columns of four that a pass writes: WebGL2 promises as many targets
 
 export class Cards {
-  constructor(model, graphics) {
-    const { count, width } = model.columns;
-    this.model = model;
+  /** Of a figure; see figures.js. */
+  constructor(figure, graphics) {
+    const { count, width } = figure.columns;
+    this.figure = figure;
     this.graphics = graphics;
     this.count = count;
     this.rows = Graphics.rows(count);
     this.fours = Math.ceil(width / 4);
-    this.carried = model.record.field !== undefined;
+    this.carried = figure.record.field !== undefined;
     this.order = new Order(count);
     this.means = new Float32Array(3 * count);
     this.reversed = new Uint32Array(ACROSS * this.rows);
     this.build();
-    if (this.carried) this.setFunction(model.record.field.base);
+    if (figure.base) this.setFunction(figure.base);
   }
 
   /** Everything that lies on the card. */
   build() {
-    const { graphics, model, rows, fours, carried } = this, { columns, embedding } = model, { codes, data } = embedding.latents;
-    const length = ACROSS * rows, base = new Float32Array(4 * length * fours), size = Math.ceil(embedding.size / 4);
-    const latents = new (codes ? Uint8Array : Float32Array)(4 * length * size), from = codes ?? data;
+    const { graphics, figure: { columns, embedding, record }, rows, fours, carried } = this, { codes, data } = embedding.latents;
+    const length = ACROSS * rows, size = Math.ceil(embedding.size / 4);
+    const latents = new (codes ? Uint8Array : Float32Array)(4 * length * Math.max(size, 1)), from = codes ?? data;
     for (let i = 0; i < columns.count; ++i) {
-      for (let c = 0; c < columns.width; ++c) base[4 * ((c >> 2) * length + i) + (c & 3)] = columns.table[i * columns.width + c];
       for (let l = 0; l < embedding.size; ++l) latents[4 * ((l >> 2) * length + i) + (l & 3)] = from[i * embedding.size + l];
     }
     this.textures = {
-      base: graphics.texture("numbers", ACROSS, rows * fours, base),
-      latents: graphics.texture(codes ? "codes" : "numbers", ACROSS, rows * size, latents),
+      base: graphics.texture("numbers", ACROSS, rows * fours, columns.table && this.inFours(columns.table)),
+      latents: graphics.texture(codes ? "codes" : "numbers", ACROSS, rows * Math.max(size, 1), latents),
       modes: graphics.texture("numbers", fours, embedding.size + 1),
       shifts: graphics.texture("single", ACROSS, rows, new Float32Array(length)),
       order: graphics.texture("order", ACROSS, rows, this.reversed),
@@ -49,14 +48,24 @@ export class Cards {
     }
     this.ready = graphics.target("numbers", ACROSS, rows, 4);
     this.splats = graphics.target("numbers", ACROSS, rows, 3);
+    const looks = { medium: carried && record.field.medium, degree: columns.width === 23 ? 1 : 0, lit: Boolean(record.lighting) };
     this.programs = {
       ready: graphics.program(shaders.ready({ carried })),
-      project: graphics.program(shaders.project({ medium: carried && model.record.field.medium, degree: columns.width === 23 ? 1 : 0 })),
+      project: graphics.program(shaders.project(looks)),
       splat: graphics.program(shaders.BLEND, shaders.SPLAT),
       show: graphics.program(shaders.SHOW),
     };
     this.list = this.triangles();
     this.picture = null;
+  }
+
+  /** Columns (N, width) as a texture has them, four by four. */
+  inFours(table) {
+    const { count, width } = this.figure.columns, length = ACROSS * this.rows, whole = new Float32Array(4 * length * this.fours);
+    for (let i = 0; i < count; ++i) {
+      for (let c = 0; c < width; ++c) whole[4 * ((c >> 2) * length + i) + (c & 3)] = table[i * width + c];
+    }
+    return whole;
   }
 
   /** Two triangles a splat, of vertices 4 n to 4 n + 3. */
@@ -70,9 +79,11 @@ export class Cards {
     return array;
   }
 
-  /** Show another transfer function, as of `TransferFunction`. */
+  /** Show another transfer function, as of `TransferFunction`; where the figure has to be made, from the next parameters on. */
   setFunction(transfer) {
-    const { base, knots } = this.model.record.field, nodes = resampled(transfer, base.opacity_unit_distance, knots);
+    this.transfer = transfer;
+    if (!this.carried) return;
+    const { base, knots } = this.figure.record.field, nodes = resampled(transfer, base.opacity_unit_distance, knots);
     const count = nodes.places.length, data = new Float32Array(8 * count);
     for (let k = 0; k < count; ++k) {
       data.set([nodes.places[k], k ? nodes.places[k] - nodes.places[k - 1] : 0], 4 * k);
@@ -84,10 +95,14 @@ export class Cards {
     this.stale = true;
   }
 
-  /** Show other simulation parameters, by name. */
+  /** Show other parameters, by name. */
   setParameters(values) {
-    const { graphics, textures, model: { record, embedding, emulated }, rows, fours, moved } = this;
-    const point = normalized(record.parameters, values), modes = embedding.modes(point);
+    const { graphics, textures, figure, rows, fours, moved } = this, { embedding, emulated, columns } = figure;
+    const point = figure.pointOf(values), modes = embedding.modes(point);
+    if (figure.made) {
+      columns.table = figure.made(point, this.transfer);
+      graphics.write(textures.base, "numbers", ACROSS, rows * fours, this.inFours(columns.table));
+    }
     graphics.write(textures.modes, "numbers", fours, embedding.size + 1, this.modesForLatents(modes));
     const shifts = emulated?.shifts(point);
     if (shifts) {
@@ -102,7 +117,7 @@ export class Cards {
 
   /** Modes (L + 1, fours, 4) for latents as they are stored: with the steps of codes, and in the last row what their lows add. */
   modesForLatents(modes) {
-    const { embedding: { size, columns, latents: { codes, low, step } } } = this.model, rows = new Float64Array(4 * this.fours * (size + 1));
+    const { embedding: { size, columns, latents: { codes, low, step } } } = this.figure, rows = new Float64Array(4 * this.fours * (size + 1));
     for (let l = 0; l < size; ++l) {
       for (let c = 0; c < columns; ++c) {
         const mode = modes[l * columns + c];
@@ -115,7 +130,7 @@ export class Cards {
 
   /** The means (N, 3) for the order, here: three columns. */
   moveMeans(modes) {
-    const { columns: { width, table }, embedding: { size, columns, latents: { data } } } = this.model, { means, count } = this;
+    const { columns: { width, table }, embedding: { size, columns, latents: { data } } } = this.figure, { means, count } = this;
     const own = Float64Array.from({ length: 3 * size }, (_, k) => modes[Math.floor(k / 3) * columns + k % 3]);
     for (let i = 0, at = 0; i < count; ++i) {
       let x = table[i * width], y = table[i * width + 1], z = table[i * width + 2];
@@ -133,17 +148,17 @@ export class Cards {
 
   /** Draw what a world camera sees into numbers, premultiplied RGBA. */
   render(camera) {
-    const { graphics, textures, model: { record }, moved, programs, count } = this, { rasterizer } = record;
+    const { graphics, textures, figure: { record }, moved, programs, count } = this, { rasterizer, samples } = record;
     const columns = moved.flatMap(({ target }) => target.textures);
     const named = Object.fromEntries(columns.map((texture, k) => [`columns${k}`, texture]));
     if (this.stale) graphics.run(programs.ready, this.ready, { ...textures, ...named, ...this.nodes, nodeCount: this.nodes?.count });
     this.stale = false;
-    const seen = finer(normalizedCamera(camera, record.normalization), rasterizer.samples);
+    const seen = finer(normalizedCamera(camera, record.normalization), samples);
     this.sort(seen);
     const ready = Object.fromEntries(this.ready.textures.map((texture, k) => [`ready${k}`, texture]));
     const { near, dilation, alpha_floor: floorAlpha, alpha_cap: capAlpha } = rasterizer, size = [seen.width, seen.height];
     graphics.run(programs.project, this.splats, {
-      ...named, ...ready, ...seen, focal: [seen.fx, seen.fy], principal: [seen.cx, seen.cy], size, count, near, dilation, floorAlpha,
+      ...named, ...ready, ...seen, ...lightOf(record.lighting), focal: [seen.fx, seen.fy], principal: [seen.cx, seen.cy], size, count, near, dilation, floorAlpha,
     });
     if (this.picture?.width !== seen.width || this.picture?.height !== seen.height) {
       graphics.release(this.picture);
@@ -177,7 +192,7 @@ export class Cards {
   /** A bitmap of what a world camera sees, over a background [red, green, blue]; no number leaves the card. */
   bitmap(camera, background) {
     this.render(camera);
-    const { graphics, programs, picture, model: { record: { rasterizer: { samples } } } } = this, { width, height } = camera;
+    const { graphics, programs, picture, figure: { record: { samples } } } = this, { width, height } = camera;
     Object.assign(graphics.canvas, { width, height });
     graphics.run(programs.show, null, { picture: picture.textures[0], background, samples, height });
     return createImageBitmap(graphics.canvas);
@@ -192,3 +207,6 @@ export class Cards {
     return averaged(numbers, camera.width, camera.height, width / camera.width);
   }
 }
+
+/** A light's numbers, as its shader takes them. */
+const lightOf = light => light && { surface: light.color, light: [light.ambient, light.diffuse, light.specular, light.specular_power] };

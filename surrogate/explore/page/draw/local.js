@@ -4,7 +4,7 @@
 import { Cards } from "draw/cards.js";
 import { differenceOf } from "draw/difference.js";
 import { Graphics } from "draw/graphics.js";
-import { modelOf } from "draw/model.js";
+import { figureFor, modelOf } from "draw/model.js";
 import { Scripts } from "draw/scripts.js";
 import { across, cross, unit } from "web/vectors.js";
 
@@ -12,7 +12,7 @@ const CARD = "card", SCRIPTS = "scripts", WORDS = { [CARD]: "graphics card", [SC
 
 const given = JSON.parse(document.getElementById("surrogate").textContent);
 export const model = modelOf(await tensors(), given.record);
-const engines = {}; // that have drawn
+const engines = new Map(); // that have drawn, by their figures and names
 let graphics, refusal = "";
 try {
   graphics = new Graphics(document.createElement("canvas"));
@@ -73,19 +73,26 @@ export async function exported(request) {
 
 /** The engine that a setting names, which shows it: what it shows already is not computed anew. */
 function shown({ using, parameters, visualization, color_map: map }) {
-  const name = using || best, engine = engines[name] ??= name === CARD ? new Cards(model, graphics) : new Scripts(model);
-  const point = JSON.stringify(parameters), look = JSON.stringify([visualization, map]);
-  if (engine.point !== point) engine.setParameters(parameters);
-  if (given.record.field && engine.look !== look) engine.setFunction(transferOf(visualization, map));
+  const name = using || best, figure = figureFor(model, visualization), engine = engineOf(name, figure);
+  const values = { ...parameters, ...visualization }, point = JSON.stringify(values), look = JSON.stringify([visualization, map]);
+  const isNew = figure.base && engine.look !== look;
+  if (isNew) engine.setFunction(transferOf(figure.base, visualization, map));
+  if (engine.point !== point || isNew && figure.made) engine.setParameters(values);
   return Object.assign(engine, { point, look });
+}
+
+function engineOf(name, figure) {
+  const ofFigure = engines.get(figure) ?? {};
+  engines.set(figure, ofFigure);
+  return ofFigure[name] ??= name === CARD ? new Cards(figure, graphics) : new Scripts(figure);
 }
 
 const bitmap = (engine, camera, background) =>
   engine instanceof Cards ? engine.bitmap(camera, background) : bitmapOf(displayed(engine.draw(camera), background), [camera.width, camera.height]);
 
-/** The transfer function of displaced control points and a colour map; see `displaced` of the catalog's variations. */
-function transferOf(visualization, map) {
-  const { base } = given.record.field, points = base.opacity_points.map(point => [...point]);
+/** The base with displaced control points and a colour map; see `displaced` of the catalog's variations. */
+export function transferOf(base, visualization, map) {
+  const points = base.opacity_points.map(point => [...point]);
   ["c1_value", "c1_opacity", "c2_value", "c2_opacity"].forEach((name, i) => {
     if (name in visualization) points[1 + (i >> 1)][i & 1] += visualization[name];
   });

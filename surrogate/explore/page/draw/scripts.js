@@ -2,103 +2,79 @@
 
 import { AverageTable } from "draw/averages.js";
 import { finer, normalizedCamera } from "draw/camera.js";
-import { GEOMETRY } from "draw/model.js";
+import { moved } from "draw/deformed.js";
 import { resampled } from "draw/nodes.js";
+import { applied, clamped, GEOMETRY, softplus } from "draw/optics.js";
 import { Order } from "draw/order.js";
-import { normalized } from "draw/parameters.js";
 import { averaged } from "draw/samples.js";
 
 const MARGIN = 0.15, LEAST_TRANSMITTANCE = 1e-4, SHORTEST = 1e-12; // as `Constants` of the engine
-const DEPTHS = [1e-4, 12], MOST_DEPTH = 80; // of a Gaussian, and along a ray
+const MOST_DEPTH = 80, LEAST_FACING = 1e-6; // along a ray; of a lit surface
 const LIKE = 14, SPLAT = 10; // numbers of a Gaussian that is ready to be seen, and of one that is projected
 const FIRST_DEGREE = 0.4886025119029199; // sqrt(3 / (4 pi))
 
-const softplus = x => Math.max(x, 0) + Math.log1p(Math.exp(-Math.abs(x)));
-const clamped = (x, low, high) => Math.min(Math.max(x, low), high);
-
 export class Scripts {
-  constructor(model) {
-    const { count, width } = model.columns;
-    this.model = model;
+  /** Of a figure; see figures.js. */
+  constructor(figure) {
+    const { count, width } = figure.columns;
+    this.figure = figure;
     this.count = count;
     this.moved = new Float32Array(count * width); // columns at the parameters
     this.ready = new Float32Array(count * LIKE); // mean, optical depth, unit quaternion, scales, colour
     this.splats = new Float32Array(count * SPLAT);
     this.order = new Order(count);
-    this.carried = model.record.field !== undefined;
-    if (this.carried) this.setFunction(model.record.field.base);
+    this.carried = figure.record.field !== undefined;
+    if (figure.base) this.setFunction(figure.base);
   }
 
-  /** Show another transfer function, as of `TransferFunction`. */
+  /** Show another transfer function, as of `TransferFunction`; where the figure has to be made, from the next parameters on. */
   setFunction(transfer) {
-    const { base, knots } = this.model.record.field;
+    this.transfer = transfer;
+    if (!this.carried) return;
+    const { base, knots } = this.figure.record.field;
     this.nodes = resampled(transfer, base.opacity_unit_distance, knots);
     this.table = new AverageTable(this.nodes);
     this.stale = true;
   }
 
-  /** Show other simulation parameters, by name. */
+  /** Show other parameters, by name. */
   setParameters(values) {
-    const { record, embedding, emulated } = this.model, point = normalized(record.parameters, values);
-    this.deform(embedding.modes(point), emulated?.shifts(point));
+    const { figure } = this, point = figure.pointOf(values);
+    if (figure.made) figure.columns.table = figure.made(point, this.transfer);
+    moved(figure, point, this.moved);
     this.stale = true;
-  }
-
-  /** Move all columns by latents times modes (L, C), and values by shifts (N,). */
-  deform(modes, shifts) {
-    const { columns: { count, width, table }, embedding: { columns, size, latents } } = this.model, { data } = latents;
-    for (let first = 0; first < width; first += 4) { // four at a time stay in registers
-      const own = Float64Array.from({ length: 4 * size }, (_, k) => {
-        const column = first + k % 4;
-        return column < columns ? modes[Math.floor(k / 4) * columns + column] : 0;
-      });
-      for (let i = 0; i < count; ++i) {
-        let a = 0, b = 0, c = 0, d = 0;
-        for (let l = 0, at = i * size; l < 4 * size; l += 4, ++at) {
-          const z = data[at];
-          a += z * own[l];
-          b += z * own[l + 1];
-          c += z * own[l + 2];
-          d += z * own[l + 3];
-        }
-        const at = i * width + first, sums = [a, b, c, d];
-        for (let k = 0; k < 4 && first + k < width; ++k) this.moved[at + k] = table[at + k] + sums[k];
-      }
-    }
-    if (shifts) for (let i = 0; i < count; ++i) this.moved[i * width + GEOMETRY] += shifts[i];
   }
 
   /** Make Gaussians ready to be seen from anywhere: unit quaternions, scales, and what the transfer function makes of their values. */
   prepare() {
-    const { moved, ready, count, carried } = this, { width } = this.model.columns, average = new Float64Array(4);
+    const { moved: columns, ready, count, carried, nodes } = this, { width } = this.figure.columns, look = new Float64Array(4);
     for (let i = 0; i < count; ++i) {
-      const from = i * width, to = i * LIKE, logit = moved[from + 10];
-      ready.set(moved.subarray(from, from + 3), to);
-      const length = Math.hypot(moved[from + 6], moved[from + 7], moved[from + 8], moved[from + 9]);
-      for (let k = 0; k < 4; ++k) ready[to + 4 + k] = length > SHORTEST ? moved[from + 6 + k] / length : 0;
-      for (let k = 0; k < 3; ++k) ready[to + 8 + k] = Math.exp(moved[from + 3 + k]);
-      ready[to + 3] = softplus(logit);
-      if (!carried) continue;
-      this.table.at(moved[from + 11], moved[from + 12], average);
-      const { low, high, dark } = this.nodes;
-      ready[to + 3] = clamped(ready[to + 3] * average[0], ...DEPTHS);
-      for (let k = 0; k < 3; ++k) ready[to + 11 + k] = clamped(average[k + 1] / Math.max(average[0], dark), low[k], high[k]);
+      const from = i * width, to = i * LIKE;
+      ready.set(columns.subarray(from, from + 3), to);
+      const length = Math.hypot(columns[from + 6], columns[from + 7], columns[from + 8], columns[from + 9]);
+      for (let k = 0; k < 4; ++k) ready[to + 4 + k] = length > SHORTEST ? columns[from + 6 + k] / length : 0;
+      for (let k = 0; k < 3; ++k) ready[to + 8 + k] = Math.exp(columns[from + 3 + k]);
+      if (carried) {
+        applied(this.table, nodes, columns, from, look);
+        ready.set(look.subarray(1), to + 11);
+      }
+      ready[to + 3] = carried ? look[0] : softplus(columns[from + 10]);
     }
     this.stale = false;
   }
 
   /** The picture of a world camera: premultiplied RGBA (H, W, 4) float32. */
   draw(camera) {
-    const { record } = this.model, samples = record.rasterizer.samples;
+    const { normalization, samples } = this.figure.record;
     if (this.stale) this.prepare();
-    const seen = finer(normalizedCamera(camera, record.normalization), samples);
+    const seen = finer(normalizedCamera(camera, normalization), samples);
     const picture = this.composite(this.order.sorted(this.project(seen)), seen);
     return averaged(picture, camera.width, camera.height, samples);
   }
 
   /** Project all Gaussians that can be seen, with their depths; returns how many. */
   project(camera) {
-    const { ready, splats, order, count, model } = this, { record, columns: { width } } = model;
+    const { ready, splats, order, count, figure: { record, columns: { width } } } = this;
     const { rotation: R, translation, position, fx, fy, cx, cy, width: across, height: down } = camera;
     const { near, dilation, alpha_floor: floor } = record.rasterizer, medium = this.carried && record.field.medium;
     const left = (-cx - MARGIN * across) / fx, right = (across - cx + MARGIN * across) / fx;
@@ -142,6 +118,7 @@ export class Scripts {
       splats[to + 5] = opacity;
       splats[to + 6] = 2 * Math.log(opacity / floor);
       if (this.carried) splats.set(ready.subarray(at + 11, at + 14), to + 7);
+      else if (record.lighting) lit(record.lighting, this.moved, i * width + GEOMETRY, dx, dy, dz, Math.sqrt(square), splats, to + 7);
       else this.colorOf(i * width + GEOMETRY, width - GEOMETRY, dx, dy, dz, Math.sqrt(square), splats, to + 7);
       order.depths[drawn++] = depth;
     }
@@ -158,7 +135,7 @@ export class Scripts {
 
   /** Composite splats by their numbers, nearest first. */
   composite(numbers, { width, height }) {
-    const { splats } = this, { alpha_cap: cap } = this.model.record.rasterizer;
+    const { splats } = this, { alpha_cap: cap } = this.figure.record.rasterizer;
     const picture = new Float32Array(4 * width * height); // the last of four is the transmittance until the end
     for (let at = 3; at < picture.length; at += 4) picture[at] = 1;
     for (const number of numbers) {
@@ -190,4 +167,11 @@ export class Scripts {
     for (let at = 3; at < picture.length; at += 4) picture[at] = 1 - picture[at];
     return picture;
   }
+}
+
+/** The colour of a lit surface of the normal at `at` from a direction; see surrogate/lighting.py. */
+function lit({ color, ambient, diffuse, specular, specular_power: power }, normals, at, dx, dy, dz, length, output, to) {
+  const along = length > 0 ? (normals[at] * dx + normals[at + 1] * dy + normals[at + 2] * dz) / length : 0;
+  const facing = clamped(Math.abs(along), LEAST_FACING, 1), gloss = specular * facing ** power;
+  for (let k = 0; k < 3; ++k) output[to + k] = Math.min((ambient + diffuse * facing) * color[k] + gloss, 1);
 }

@@ -98,10 +98,10 @@ void main() {
 }`;
 
 /** Splats: centre and opacity; the map from pixels to units of the Gaussian with its reach; colour. */
-export const project = ({ medium, degree }) => `${DATA}
+export const project = ({ medium, degree, lit }) => `${DATA}
 uniform sampler2D ready0, ready1, ready2, ready3, columns3, columns4, columns5;
 uniform mat3 rotation; uniform vec3 translation, position; uniform vec2 focal, principal, size; uniform int count;
-uniform float near, dilation, floorAlpha;
+uniform float near, dilation, floorAlpha; uniform vec3 surface; uniform vec4 light;
 ${outputs(3)}
 void main() {
   int i = here(); ivec2 at = texel(i);
@@ -138,6 +138,9 @@ void main() {
     vec3 by = 0.4886025119029199 * ray / far;
     color += -by.y * vec3(d.zw, e.x) + by.z * e.yzw - by.x * f.xyz;
   }` : ""}
+  ${lit ? `
+  float facing = clamp(far > 0.0 ? abs(dot(color, ray)) / far : 0.0, 1e-6, 1.0); // see surrogate/lighting.py
+  color = min((light.x + light.y * facing) * surface + light.z * pow(facing, light.w), 1.0);` : ""}
   out0 = vec4(ratio * focal + principal, opacity, 0.0);
   out1 = vec4(u, -u * xy / yy, inversesqrt(yy), sqrt(2.0 * log(opacity / floorAlpha)));
   out2 = vec4(color, 1.0);

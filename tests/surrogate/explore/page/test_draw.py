@@ -19,33 +19,17 @@ from catalogs.vocabulary.cameras import Camera
 from catalogs.vocabulary.parameters import Parameter, ParameterSpace
 from surrogate import Surrogate
 from surrogate.appearance.averages import resampled
-from surrogate.appearance.field_gaussians import FieldGaussians, FieldValues
 from surrogate.appearance.scale import ValueScale
-from surrogate.deformation import BilinearDeformation
-from surrogate.deformation.emulated_values import EmulatedValues
-from surrogate.emulation.processes import Processes
 from surrogate.evaluation.metrics import WHITE
 from surrogate.explore.exporting.page import page_bytes
 from surrogate.explore.run import Run
-from surrogate.gaussians import Normalization
-from surrogate.lighting import Lighting
-from surrogate.rasterizer import Rasterizer
-from surrogate.settings import TrainingSettings
-from surrogate.storage.encoding import encode
 from tests.support.browsers import serious_findings
+from tests.support.drawn_models import BASE, CENTER, EXTENT, SIDE, cameras, carrying, colored
 from tests.support.drawn_pages import decibels, drawn, opened
-from tests.support.surrogates import some_surrogate
 
 if TYPE_CHECKING:
     from playwright.sync_api import Page
 
-SIDE, COUNT = 64, 400
-CENTER, EXTENT = np.array([1e3, -2e3, 5.0]), 40.0
-BASE = TransferFunction(
-    ((0.0, 0.1, 0.2, 0.8), (0.4, 0.9, 0.9, 0.4), (1.0, 0.8, 0.1, 0.1)),
-    ((0.0, 0.0), (0.3, 0.2), (0.7, 0.05), (1.0, 0.9)),
-    0.3,
-)
 FUNCTIONS = {
     "two points": TransferFunction(((0.0, 1.0, 0.0, 0.0), (1.0, 0.0, 0.0, 1.0)), ((0.0, 0.4), (1.0, 0.4)), 0.3),
     "opaque": TransferFunction(BASE.color_points, ((0.0, 0.0), (0.5, 1.0), (1.0, 1.0)), 0.1),
@@ -59,52 +43,6 @@ FUNCTIONS = {
 }
 
 
-def colored(columns: int = 3, samples: int = 1) -> Surrogate:
-    made = replace(some_surrogate(columns, COUNT), rasterizer=Rasterizer(samples=samples))
-    fainter = replace(
-        made.gaussians, opacity_logits=made.gaussians.opacity_logits - 2.5
-    )  # few pixels reach what is cut off
-    return replace(made, gaussians=fainter, normalization=Normalization(CENTER, EXTENT))
-
-
-def carrying(medium: bool = True, frequencies: int = 0, follow: bool = False, scale: str = "linear") -> Surrogate:
-    """Gaussians that carry values, in few bits as they are stored."""
-    random = torch.Generator().manual_seed(5)
-    shapes = {"means": 3, "log_scales": 3, "quats": 4, "values": 2}
-    table = {name: torch.randn(COUNT, width, generator=random) for name, width in shapes.items()}
-    table["means"] *= 0.4
-    table["log_scales"] = 0.4 * table["log_scales"] - 2.2
-    table["values"] = torch.stack([0.5 + 0.3 * table["values"][:, 0], -3.0 + table["values"][:, 1]], dim=1)
-    scaled = ValueScale.of_function(BASE)
-    gaussians = FieldGaussians.of_tensors(
-        table | {"opacity_logits": 2.0 * torch.randn(COUNT, generator=random)}, FieldValues(BASE, scaled, medium)
-    )
-    settings = TrainingSettings(latent_size=5, hidden_width=8, parameter_frequencies=frequencies)
-    blank = BilinearDeformation.create(gaussians, 2, settings)
-    moving = blank.with_tensors(
-        {
-            n: t + (0.2 if n == "weights_out" else 0.05) * torch.randn(t.shape, generator=random)
-            for n, t in blank.tensors().items()
-        }
-    )
-    if follow:
-        points = np.random.default_rng(1).uniform(-1.0, 1.0, (9, 2))
-        processes = Processes.fit(points, np.column_stack([np.sin(3.0 * points[:, 0]), points[:, 1] ** 2 - 0.3]))
-        modes = 0.3 * torch.randn(COUNT, 2, generator=random)
-        moving = replace(moving, emulated=EmulatedValues(0.5 + 0.2 * table["means"][:, 0], modes, processes, scaled))
-    space = ParameterSpace((Parameter("Re", 100.0, 2500.0, scale=scale), Parameter("time", 0.0, 2.0, "s")))
-    made = Surrogate(gaussians, moving, space, Normalization(CENTER, EXTENT), Rasterizer(), (1.0, 1.0, 1.0))
-    encodings = {f"gaussians.{name}": encode(getattr(gaussians, name), "uint8") for name in ("quats", "opacity_logits")}
-    encodings["deformation.latents"] = encode(moving.latents, "uint8")
-    encodings["gaussians.means"] = encode(gaussians.means, "uint16")
-    encodings["gaussians.log_scales"] = encode(gaussians.log_scales, "float16")
-    decoded = {name.removeprefix("gaussians."): e.decoded() for name, e in encodings.items() if "gaussians" in name}
-    order = ("means", "log_scales", "quats", "opacity_logits", "values")
-    stored = gaussians.with_tensors([decoded.get(name, getattr(gaussians, name)) for name in order])
-    latents = moving.with_tensors({**moving.tensors(), "latents": encodings["deformation.latents"].decoded()})
-    return replace(made, gaussians=stored, deformation=latents, encodings=encodings)
-
-
 MODELS: dict[str, Callable[[], Surrogate]] = {
     "colours": colored,
     "colours of degree 1": lambda: colored(12),
@@ -113,19 +51,6 @@ MODELS: dict[str, Callable[[], Surrogate]] = {
     "values with one opacity from everywhere": lambda: carrying(medium=False, frequencies=2),
     "values that follow a field, logarithmic": lambda: carrying(follow=True, scale="log"),
 }
-
-
-def cameras(count: int) -> list[Camera]:
-    """From around the volume, and the last from inside it."""
-    random = np.random.default_rng(2)
-    made = []
-    for number in range(count):
-        direction = random.standard_normal(3)
-        distance = (0.3 if number == count - 1 else 3.0) * EXTENT
-        place = CENTER + distance * direction / np.linalg.norm(direction)
-        target = CENTER + 0.1 * EXTENT * random.standard_normal(3)
-        made.append(Camera.look_at(place, target, vertical_fov_degrees=40.0, width=SIDE, height=SIDE - 8))
-    return made
 
 
 @pytest.mark.parametrize("name", MODELS)
@@ -240,9 +165,6 @@ def test_what_others_put_into_a_page_does_not_run(page: Page, tmp_path: Path, co
 
 def test_what_a_page_cannot_draw_is_refused() -> None:
     made = colored()
-    lit = replace(made.gaussians, lighting=Lighting((0.5, 0.5, 0.5), 0.3, 0.6, 0.1, 20.0))
-    with pytest.raises(ValueError, match="lit surfaces: explore the run with `surrogate explore RUN`"):
-        page_bytes(Run("a run", replace(made, gaussians=lit)))
     empty = replace(made, gaussians=made.gaussians.of(torch.zeros(0, dtype=torch.int64)))
     with pytest.raises(ValueError, match="this surrogate has none: explore the run"):
         page_bytes(Run("a run", empty))
