@@ -2,14 +2,19 @@
 // page works below the path of any proxy.  A program that stops is waited for: it comes back under the same address.
 
 const SOONEST = 400, LATEST = 3000; // milliseconds between attempts to find the program again
+const PATIENCE = 4000, BETWEEN = 1000; // milliseconds without an answer before that is said, and said anew
 
 let socket, open, waiting = []; // { resolve, reject } of calls without an answer yet, in their order, which is that of the answers
-let handlers = { lost: () => {}, back: () => {} };
+let handlers = { lost: () => {}, back: () => {}, late: () => {} };
+let heard = 0, watching = 0; // when there was an answer, or the first question after the last
 
 /** Raised by calls while the program is gone. */
 export class Gone extends Error {}
 
-/** `lost(reason)` hears that the program can't be asked any more, `back()` that it can again. */
+/**
+ * `lost(reason)` hears that the program can't be asked any more, `back()` that it can again, and
+ * `late(seconds)` for how long it has not answered: 0 once it does.
+ */
 export const listen = given => { handlers = given; };
 
 let ready = connected();
@@ -21,6 +26,7 @@ function connected() {
     created.binaryType = "arraybuffer";
     created.onmessage = event => {
       const answer = unpacked(event.data), { resolve: take, reject } = waiting.shift();
+      answered();
       if (answer.error) reject(new Error(answer.error));
       else take(answer);
     };
@@ -33,6 +39,22 @@ function connected() {
       resolve();
     };
   });
+}
+
+/** An answer came: the next is waited for from now on. */
+function answered() {
+  if (performance.now() - heard > PATIENCE) handlers.late(0);
+  heard = performance.now();
+  watch();
+}
+
+/** Say so when what was asked is not answered for long. */
+function watch() {
+  clearTimeout(watching);
+  if (!waiting.length) return;
+  const silent = performance.now() - heard;
+  if (silent > PATIENCE) handlers.late(Math.round(silent / 1000));
+  watching = setTimeout(watch, silent > PATIENCE ? BETWEEN : PATIENCE - silent + 1);
 }
 
 function lose() {
@@ -71,6 +93,10 @@ async function call(name, request) {
   if (!open || socket.readyState !== WebSocket.OPEN) throw new Gone("The explorer has stopped.");
   return new Promise((resolve, reject) => {
     waiting.push({ resolve, reject });
+    if (waiting.length === 1) {
+      heard = performance.now();
+      watch();
+    }
     socket.send(JSON.stringify({ call: name, request }));
   });
 }

@@ -8,8 +8,9 @@ import { listen } from "./hands.js";
 import { cameraOf, rounded } from "./orbit.js";
 import { build, plan } from "./panes.js";
 import { comparePanel, displayPanel, modelPanel, parameterPanel, sweepPanel, viewPanel, visualizationPanel } from "./panels.js";
-import { decoded, paint, sizeFor } from "./pictures.js";
+import { decoded, paint, sizeFor, squareOf } from "./pictures.js";
 import { current, messageOf, pointsOf, possibleSweep } from "./state.js";
+import { Steps } from "./steps.js";
 import { Stream } from "./stream.js";
 import { described, shortest, spanOf } from "./words.js";
 
@@ -17,6 +18,7 @@ const MOVING = 256; // side of images while something moves, pixels
 const LEAST_EXPORT = 256; // pixels of the shorter side of films and sheets
 const MOST_SIDE = 2048; // what the program draws
 const ADDRESSED = 350; // milliseconds between changes of the address: browsers refuse more than a hundred in half a minute
+const GESTURE = 1000; // milliseconds without a change after which the next is a step of its own, to be undone
 const MOST_NOTES = 6;
 const MODE_NAMES = { view: "Explore", compare: "Compare", sweep: "Sweep" };
 
@@ -27,12 +29,13 @@ class Explorer {
     this.times = []; // of frames on the screen in the last second
     this.counted = { moving: 0, whole: 0 };
     this.stream = new Stream(moving => this.request(moving), (...shown) => this.show(...shown), error => this.fail(error));
+    this.steps = new Steps();
     this.layOut();
     this.readAddress();
     listen(this.stage, () => this.state.orbit, orbit => this.look(orbit), facts.camera, () => this.stream.settle());
     new ResizeObserver(() => this.resized()).observe(this.stage);
     window.addEventListener("hashchange", () => { if (location.hash !== this.written) this.readAddress(); });
-    connection.listen({ lost: reason => this.lose(reason), back: () => this.findAgain() });
+    connection.listen({ lost: reason => this.lose(reason), back: () => this.findAgain(), late: seconds => this.wait(seconds) });
   }
 
   // ---- the page
@@ -53,7 +56,7 @@ class Explorer {
       element("span", {}, "0"), element("i", { "aria-hidden": "true" }), element("span", { id: "colorbar-high" }), element("span", { id: "compared", role: "status" }));
     this.side = element("aside", { "aria-label": "Controls" });
     document.body.replaceChildren(
-      element("header", { id: "top" }, element("h1", {}, facts.title), this.tabs),
+      element("header", { id: "top" }, element("h1", {}, facts.title), this.steps.box, this.tabs),
       element("main", { id: "stage-panel", role: "tabpanel" }, this.note, this.stage, this.alert, this.lost, this.colorbar,
         element("footer", { id: "caption" }, this.expected, this.status)),
       this.side,
@@ -64,6 +67,8 @@ class Explorer {
   readAddress() {
     const address = location.hash;
     document.activeElement?.blur(); // what is half typed belongs to the state before
+    clearTimeout(this.addressing);
+    [this.addressing, this.written] = [0, address];
     const { state, notes } = stateOf(address, this.facts);
     this.state = state;
     const more = notes.length - MOST_NOTES;
@@ -86,7 +91,10 @@ class Explorer {
       state.mode === "compare" && comparePanel(this), state.mode === "sweep" && sweepPanel(this),
       ...this.controls.map(panel => panel.box), viewPanel(this), displayPanel(this), exportPanel(this), modelPanel(this),
     ];
+    const { id } = document.activeElement ?? {};
     this.side.replaceChildren(...parts.filter(Boolean));
+    if (id) document.getElementById(id)?.focus({ preventScroll: true });
+    this.arrangement = arrangementOf(state);
     this.colorbar.hidden = state.mode !== "compare"; // now, so that the first picture has the room that the others have
     this.built = "";
   }
@@ -109,25 +117,29 @@ class Explorer {
   set(values) {
     Object.assign(this.state, values);
     this.state.sweep = possibleSweep(this.state, this.facts);
-    this.arrange();
+    if (this.arrangement !== arrangementOf(this.state)) this.arrange();
     this.refresh();
     this.changed();
   }
 
   look(orbit) {
     this.state.orbit = rounded(orbit);
+    this.cameraShown?.(this.state.orbit);
     this.changed();
   }
 
   /** Controls show the state. */
   refresh() {
     for (const panel of this.controls) panel.set(current(this.state));
+    this.cameraShown?.(this.state.orbit);
     document.getElementById("stage-panel").style.setProperty("--behind", this.state.background);
   }
 
   changed() {
     const now = performance.now(), due = (this.addressed ?? -Infinity) + ADDRESSED;
     clearTimeout(this.addressing);
+    this.isNext ||= now > (this.changedAt ?? -Infinity) + GESTURE;
+    this.changedAt = now;
     if (now >= due) this.writeAddress();
     else this.addressing = setTimeout(() => this.writeAddress(), due - now);
     this.stream.change();
@@ -138,7 +150,9 @@ class Explorer {
     this.addressing = 0;
     this.addressed = performance.now();
     this.written = addressOf(this.state, this.facts);
-    history.replaceState(null, "", `${location.pathname}${location.search}${this.written}`);
+    if (this.isNext && this.written !== location.hash) this.steps.add(this.written);
+    else this.steps.replace(this.written);
+    this.isNext = false;
   }
 
   /** Ask for the stored picture nearest to what is shown, and let `take` use it. */
@@ -165,6 +179,14 @@ class Explorer {
       setting.points = Object.fromEntries(pointsOf(this.facts).map(p => [p.name, p.origin + (visualization[p.name] ?? 0)]));
       setting.colorMap = "";
     }
+  }
+
+  /** Explore the setting of a cell of the sweep. */
+  openCell(number) {
+    const { state, planned } = this;
+    state.settings[state.active] = structuredClone(planned.cells[number]);
+    this.set({ mode: "view" });
+    this.stage.focus();
   }
 
   // ---- files
@@ -212,10 +234,11 @@ class Explorer {
   // ---- frames
 
   request(moving) {
-    const planned = plan(this.state, this.facts), key = `${planned.kind} ${planned.labels.length} ${planned.columns}`;
+    const planned = plan(this.state, this.facts), key = `${planned.kind} ${planned.labels.length} ${planned.columns} ${JSON.stringify(planned.heads)}`;
     if (key !== this.built) {
       this.built = key;
       this.panes = build(this.stage, planned);
+      if (planned.cells) this.panes.forEach((p, i) => p.open(() => this.openCell(i)));
     }
     this.panes.forEach((p, i) => {
       p.name.textContent = planned.labels[i];
@@ -225,7 +248,7 @@ class Explorer {
     this.planned = planned;
     const share = planned.kind === "sweep" ? 1 / Math.sqrt(Math.max(2, planned.settings.length / 2)) : planned.kind === "compare" ? 0.7 : 1;
     const side = share * (moving ? MOVING : this.state.full);
-    const size = planned.kind === "truth" ? this.facts.size : sizeFor(this.panes[0].canvas, side);
+    const size = { truth: this.facts.size, compare: squareOf(side) }[planned.kind] ?? sizeFor(this.panes[0].canvas, side);
     return {
       settings: planned.settings, camera: cameraOf(this.state.orbit, size), size,
       background: this.state.background, form: moving ? "jpeg" : "png",
@@ -251,8 +274,11 @@ class Explorer {
     this.status.textContent = moving
       ? `${answer.drawn.toFixed(0)} ms · ${rate} pictures/s`
       : `${width}×${height} in ${answer.drawn.toFixed(0)} ms by the ${[...new Set(answer.by)].join(", ")}`;
-    this.compared(answer);
-    if (moving) return;
+    this.compared(answer, moving);
+    if (moving) {
+      this.expected.textContent = ""; // what was measured at rest is of another picture
+      return;
+    }
     this.expect(answer.expected);
     this.panes.forEach((p, i) => p.canvas.setAttribute("aria-label", this.spoken(i)));
   }
@@ -277,14 +303,17 @@ class Explorer {
     });
   }
 
-  compared(answer) {
+  compared(answer, moving) {
     const { kind } = this.planned, found = answer.difference;
     if (kind !== "compare" && kind !== "truth") return;
     const missing = kind === "truth" && !answer.truth;
+    if (missing && moving) return; // it is looked for where the movement ends
+    this.searching = missing && !this.searching;
+    if (this.searching) this.goToStored(stored => this.takeStored(stored));
     this.panes.forEach((p, i) => { p.box.classList.toggle("is-missing", missing && i > 0); });
     if (kind === "truth") this.panes[1].words.textContent = answer.truth?.sentence ?? "";
     document.getElementById("colorbar-high").textContent = found ? digits(found.high) : "";
-    document.getElementById("compared").textContent = missing ? "The catalog has no picture of this." : found ? differing(found) : "";
+    document.getElementById("compared").textContent = moving || this.searching ? "" : missing ? "The catalog has no picture of this." : found ? differing(found) : "";
   }
 
   spoken(i) {
@@ -306,6 +335,13 @@ class Explorer {
     document.body.classList.add("is-lost");
   }
 
+  /** Say for how long there has been no answer; 0 when one came. */
+  wait(seconds) {
+    if (document.body.classList.contains("is-lost")) return;
+    this.lost.textContent = `No answer for ${seconds} s: the explorer is busy or hangs, or the line is down. This page waits for it.`;
+    this.lost.hidden = !seconds;
+  }
+
   /** The program is back: the same run goes on where it was, another one is shown anew. */
   async findAgain() {
     const facts = await firstFacts();
@@ -319,6 +355,10 @@ class Explorer {
     this.stream.settle();
   }
 }
+
+/** What the controls are built for, as text: other values of the same controls move them only. */
+const arrangementOf = ({ mode, active, against, sweep, settings }) =>
+  JSON.stringify([mode, active, against, sweep, settings[active].kind, settings[active].using]);
 
 /** How far two pictures are from each other, in words. */
 function differing({ psnr, maximum }) {

@@ -2,6 +2,17 @@
 
 import { digits, element } from "../web/elements.js";
 
+const WIDE = 10; // letters that an input shows
+
+/** A number as an input shows it: whole where it fits, else with as many digits as do. */
+export function fitting(value) {
+  for (let places = 17; places > 1; --places) {
+    const text = String(+value.toPrecision(places));
+    if (text.length <= WIDE) return text;
+  }
+  return String(+value.toPrecision(1));
+}
+
 /**
  * `range()` is { least, most } now; `changed(value)` hears what is accepted; `attributes` are the input's.
  * Returns { input, note, set(value) }: `note` is the element that says what was refused.
@@ -13,7 +24,7 @@ export function numberInput(title, range, changed, attributes = {}) {
     type: "number", step: "any", ...attributes,
     oninput: () => show(""),
     onchange: () => {
-      const { least, most } = range(), text = input.value, value = Number(text);
+      const { least, most } = range(), text = input.value, value = text === fitting(now) ? now : Number(text);
       const proper = text.trim() !== "" && Number.isFinite(value);
       if (proper && least <= value && value <= most) {
         show("");
@@ -21,7 +32,7 @@ export function numberInput(title, range, changed, attributes = {}) {
         return;
       }
       show(`${proper ? digits(value) : "That"} ${proper ? "can't be drawn" : "is not a number"}: ${title} goes from ${digits(least, most - least)} to ${digits(most, most - least)}, and stays ${digits(now, most - least)}.`);
-      input.value = now;
+      input.value = fitting(now);
     },
   });
 
@@ -32,9 +43,9 @@ export function numberInput(title, range, changed, attributes = {}) {
   }
 
   function set(value) {
-    if (value === now && Number(input.value) === value) return;
+    if (value === now && input.value === fitting(value)) return;
     now = value;
-    input.value = value;
+    input.value = fitting(value);
     input.title = value;
     show("");
   }

@@ -2,7 +2,7 @@
 
 import { button, digits, digitsOf, element, field, menu, section, tabs } from "../web/elements.js";
 import { numberInput } from "./numbers.js";
-import { PRESETS, seenFrom } from "./orbit.js";
+import { anglesOf, placedAt, PRESETS, seenFrom, widened, zoomed } from "./orbit.js";
 import { slider } from "./sliders.js";
 import { BACKGROUNDS, COUNTS, current, endsOf, FULL_SIZES, mostRows, rangeOf, sweepable, sweptOf, variation } from "./state.js";
 import { transferEditor } from "./transfer.js";
@@ -13,15 +13,22 @@ export function parameterPanel(explorer, swept) {
   const { facts } = explorer;
   const sliders = facts.parameters.map((p, i) => slider(p, `parameter-${i}`, value => {
     current(explorer.state).parameters[p.name] = value;
+    members?.set(current(explorer.state));
     explorer.changed();
   }));
   sliders.forEach(({ box }, i) => { box.hidden = swept.includes(facts.parameters[i].name); });
   const alone = facts.parameters.every(p => swept.includes(p.name));
   const legend = element("p", { class: "legend", hidden: alone }, element("i", { class: "train" }), "trained", element("i", { class: "validation" }), "validated");
-  const box = section("Simulation parameters", ...sliders.map(s => s.box), legend, memberMenu(explorer));
-  return { box, set: setting => facts.parameters.forEach((p, i) => sliders[i].set(setting.parameters[p.name])) };
+  const members = memberMenu(explorer);
+  const box = section("Simulation parameters", ...sliders.map(s => s.box), legend, members?.box);
+  const set = setting => {
+    facts.parameters.forEach((p, i) => sliders[i].set(setting.parameters[p.name]));
+    members?.set(setting);
+  };
+  return { box, set };
 }
 
+/** Members to go to: { box, set(setting) }, where the one is named that a setting shows; null without any. */
 function memberMenu(explorer) {
   const { members, parameters } = explorer.facts;
   if (!members.length) return null;
@@ -36,7 +43,11 @@ function memberMenu(explorer) {
     members.forEach((m, i) => { if (m.split === split) group.append(element("option", { value: i }, `${m.name}: ${m.values.map((value, k) => digitsOf(parameters[k], value)).join(", ")}`)); });
     if (group.children.length) choice.append(group);
   }
-  return field("Go to member", choice);
+  const set = setting => {
+    const number = members.findIndex(m => parameters.every((p, i) => setting.parameters[p.name] === m.values[i]));
+    choice.value = number < 0 ? "" : number;
+  };
+  return { box: field("Go to member", choice), set };
 }
 
 /** The visualization: { box, set(setting) }; null where there is one kind only. */
@@ -73,10 +84,30 @@ export function viewPanel(explorer) {
   const { facts } = explorer;
   const presets = element("div", { class: "buttons", role: "group", "aria-label": "Look from" }, ...Object.entries(PRESETS).map(([name, direction]) =>
     button(name, () => explorer.look(seenFrom(explorer.state.orbit, direction)), { "aria-label": `Look from ${name.replace("−", "minus ").replace("+", "plus ")}` })));
-  return section("View", presets, element("div", { class: "buttons" },
+  return section("View", presets, cameraNumbers(explorer), element("div", { class: "buttons" },
     button("Reset", () => explorer.look(facts.camera), { id: "reset-view" }),
     facts.truth && button("Nearest stored view", () => explorer.goToStored(found => explorer.look(found.orbit))),
     button("Copy camera", () => explorer.copy(JSON.stringify(explorer.request(false).camera), "camera"))));
+}
+
+/** The camera as numbers, which follow what hands do. */
+function cameraNumbers(explorer) {
+  const { facts } = explorer, orbit = () => explorer.state.orbit, home = facts.camera;
+  const far = 50 * home.distance;
+  const offered = [ // name, unit, from, to, value of an orbit, orbit of a value
+    ["Azimuth", "°", -180, 360, o => anglesOf(o).azimuth, azimuth => placedAt(orbit(), { ...anglesOf(orbit()), azimuth })],
+    ["Elevation", "°", -90, 90, o => anglesOf(o).elevation, elevation => placedAt(orbit(), { ...anglesOf(orbit()), elevation })],
+    ["Distance", "", far / 1000, far, o => o.distance, distance => zoomed(orbit(), distance / orbit().distance, home)],
+    ["Field of view", "°", 1, 120, o => o.field, angle => widened(orbit(), angle, home)],
+  ];
+  const inputs = offered.map(([name, , least, most, , place]) =>
+    numberInput(name.toLowerCase(), () => ({ least, most }), value => explorer.look(place(value)), { id: `camera-${name.toLowerCase().replaceAll(" ", "-")}` }));
+  explorer.cameraShown = now => inputs.forEach((input, i) => input.set(+offered[i][4](now).toPrecision(7)));
+  explorer.cameraShown(orbit());
+  return element("details", { class: "camera" }, element("summary", {}, "Camera as numbers"),
+    element("div", { class: "numbers" }, ...inputs.map(({ input }, i) =>
+      element("label", {}, element("span", {}, [offered[i][0], offered[i][1] && `(${offered[i][1]})`].filter(Boolean).join(" ")), input))),
+    ...inputs.map(({ note }) => note));
 }
 
 export function displayPanel(explorer) {
@@ -105,7 +136,7 @@ export function comparePanel(explorer) {
 export function sweepPanel(explorer) {
   const { state, facts } = explorer, { sweep } = state, known = sweepable(facts, current(state)), { first, second } = sweptOf(state, facts);
   const change = values => explorer.set({ sweep: { ...explorer.state.sweep, ...values } });
-  const names = known.map(p => [p.name, p.name.replace("_", " ")]), others = names.filter(([other]) => other !== first.name);
+  const names = known.map(p => [p.name, p.name.replaceAll("_", " ")]), others = names.filter(([other]) => other !== first.name);
   const counted = (most, now) => [...new Set([...COUNTS.filter(n => n <= most), now])].sort((a, b) => a - b).map(n => [n, String(n)]);
   return section("Sweep",
     menu("Columns", "sweep-first", first.name, names, name => change({ name, low: "", high: "", ...(sweep.second === name && { second: "", secondLow: "", secondHigh: "" }) })),
@@ -119,7 +150,7 @@ export function sweepPanel(explorer) {
 /** From where to where a parameter is swept. */
 function limits(sweep, p, second, change) {
   const range = rangeOf(endsOf(sweep, second), p), [low, high] = second ? ["secondLow", "secondHigh"] : ["low", "high"];
-  const title = p.name.replace("_", " "), apart = 1e-6 * (p.high - p.low);
+  const title = p.name.replaceAll("_", " "), apart = 1e-6 * (p.high - p.low);
   const from = numberInput(title, () => ({ least: p.least, most: range.high - apart }), value => change({ [low]: value === p.low ? "" : value }), { id: `sweep-${low}` });
   const to = numberInput(title, () => ({ least: range.low + apart, most: p.most }), value => change({ [high]: value === p.high ? "" : value }), { id: `sweep-${high}` });
   from.set(range.low);

@@ -1,6 +1,6 @@
 // What the stage shows: one picture, two and their difference, the truth beside the prediction, or a sweep.
 
-import { element } from "../web/elements.js";
+import { button, element } from "../web/elements.js";
 import { current, endsOf, messageOf, mostRows, rangeOf, sweptOf, withValue } from "./state.js";
 import { described, valued } from "./words.js";
 
@@ -11,7 +11,8 @@ function pane(label) {
   const canvas = element("canvas", { role: "img", "aria-label": label });
   const name = element("strong", {}, label), words = element("span", { class: "shown" }), expected = element("span", { class: "expected" });
   const caption = element("figcaption", {}, name, " ", words, expected);
-  return { canvas, name, words, expected, box: element("figure", { class: "pane" }, canvas, caption) };
+  const open = act => { caption.append(button("Open", act, { class: "open", "aria-label": `Explore ${label}`, title: "Explore this setting" })); };
+  return { canvas, name, words, expected, open, box: element("figure", { class: "pane" }, canvas, caption) };
 }
 
 /** Values of a sweep over one parameter. */
@@ -21,7 +22,7 @@ export function valuesOf({ low, high }, count, scale) {
     i === 0 ? low : i === count - 1 ? high : scale === "log" ? low * (high / low) ** share(i) : low + (high - low) * share(i));
 }
 
-/** The cells of the sweep: { setting, label }, row by row, and how many columns they have. */
+/** The cells of the sweep: { setting, label }, row by row, how many columns they have, and the heads of columns and rows of a grid. */
 export function cellsOf(state, facts) {
   const setting = current(state), { sweep } = state, { first, second } = sweptOf(state, facts);
   const columns = valuesOf(rangeOf(endsOf(sweep, false), first), sweep.count, first.scale);
@@ -32,15 +33,16 @@ export function cellsOf(state, facts) {
   })));
   // One parameter alone is broken into rows, so that the pictures are about square on a wide screen.
   const wide = second ? columns.length : Math.min(columns.length, Math.round(Math.sqrt(WIDE * columns.length)));
-  return { cells, columns: wide };
+  const heads = second && { columns: columns.map(value => valued(first, value)), rows: rows.map(value => valued(second, value)) };
+  return { cells, columns: wide, heads };
 }
 
-/** What the stage holds for a state: { kind, labels, words, columns, settings, difference, truth }. */
+/** What the stage holds for a state: { kind, labels, words, columns, settings, heads, difference, truth }; `cells` are the settings of a sweep. */
 export function plan(state, facts) {
   const shown = current(state);
   if (state.mode === "sweep") {
-    const { cells, columns } = cellsOf(state, facts);
-    return { kind: "sweep", labels: cells.map(cell => cell.label), words: [], columns, settings: cells.map(cell => messageOf(cell.setting, facts)) };
+    const { cells, columns, heads } = cellsOf(state, facts), settings = cells.map(cell => cell.setting);
+    return { kind: "sweep", labels: cells.map(cell => cell.label), words: [], columns, heads, cells: settings, settings: settings.map(setting => messageOf(setting, facts)) };
   }
   if (state.mode === "compare" && state.against === "truth")
     return { kind: "truth", labels: ["prediction", "stored", "difference"], words: [described(shown, facts), null], columns: 3, settings: [messageOf(shown, facts)], truth: true };
@@ -56,6 +58,14 @@ export function build(stage, planned) {
   const panes = planned.labels.map(pane);
   stage.dataset.kind = planned.kind;
   stage.style.setProperty("--columns", planned.columns);
-  stage.replaceChildren(...panes.map(p => p.box));
+  const boxes = panes.map(p => p.box), { heads, columns } = planned;
+  stage.classList.toggle("has-heads", Boolean(heads));
+  if (!heads) {
+    stage.replaceChildren(...boxes);
+    return panes;
+  }
+  const head = (kind, label) => element("p", { class: `head ${kind}` }, label);
+  stage.replaceChildren(element("span"), ...heads.columns.map(label => head("column", label)),
+    ...heads.rows.flatMap((label, row) => [head("row", label), ...boxes.slice(row * columns, (row + 1) * columns)]));
   return panes;
 }

@@ -22,3 +22,6 @@ export function sizeFor(box, side) {
   const scale = side / Math.sqrt(width * height), even = x => Math.max(8, Math.min(2048, 2 * Math.round(x * scale / 2)));
   return [even(width), even(height)];
 }
+
+/** The same of a square, which is compared whatever the window's shape. */
+export const squareOf = side => [side, side].map(x => Math.max(8, 2 * Math.round(x / 2)));

@@ -20,10 +20,9 @@ export function slider(parameter, id, moved) {
   const number = numberInput(title, () => ({ least, most }), value => change(value), { class: "exact", "aria-label": `${title}, exact value` });
   const playing = player(title, () => (on(current) - on(low)) / width, share => slide(on(low) + share * width));
   const warning = element("p", { class: "warning outside", hidden: true }, "");
-  const track = element("div", { class: "track" }, zone(0, place(low)), zone(place(high), 1), range);
+  const track = element("div", { class: "track" }, ticks(), zone(0, place(low)), zone(place(high), 1), range);
   const name = element("label", { for: id }, title, element("span", { class: "unit" }, words()));
-  const ends = element("div", { class: "ends", "aria-hidden": "true" }, mark(low), mark(high));
-  const box = element("div", { class: "parameter" }, element("div", { class: "line" }, name, playing.box, number.input), number.note, track, ticks(), ends, warning);
+  const box = element("div", { class: "parameter" }, element("div", { class: "line" }, name, playing.box, number.input), number.note, track, warning);
   let current = NaN;
   range.onpointerdown = number.input.onfocus = playing.stop;
   range.onkeydown = event => {
@@ -34,12 +33,11 @@ export function slider(parameter, id, moved) {
   };
 
   function words() {
-    const listed = [!parameter.label && unit, logarithmic && "logarithmic"].filter(Boolean).join(", ");
-    return `${parameter.label ? ` of ${parameter.label}` : ""}${listed ? ` (${listed})` : ""}`;
+    const bounds = [digitsOf(parameter, low), "…", digitsOf(parameter, high), !parameter.label && unit, logarithmic && "logarithmic"];
+    return `${parameter.label ? ` of ${parameter.label}` : ""} ${bounds.filter(Boolean).join(" ")}`;
   }
   function place(value) { return (on(value) - from) / (to - from); }
   function zone(start, end) { return element("i", { class: "beyond", style: `left:${100 * start}%;width:${100 * (end - start)}%` }); }
-  function mark(value) { return element("span", { style: `left:${100 * place(value)}%` }, digitsOf(parameter, value)); }
 
   function ticks() {
     const made = element("div", { class: "marks", "aria-hidden": "true" });

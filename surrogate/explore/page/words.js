@@ -6,7 +6,7 @@ import { pointsOf, variation } from "./state.js";
 export const KIND_NAMES = { base: "Volume", isovalue: "Isovalue", transfer_function: "Transfer function", field: "Field" };
 
 /** A parameter's value with its name and unit. */
-export const valued = (p, value) => `${p.name.replace("_", " ")} ${digitsOf(p, value, 5)}${p.unit ? ` ${p.unit}` : ""}`;
+export const valued = (p, value) => `${p.name.replaceAll("_", " ")} ${digitsOf(p, value, 5)}${p.unit ? ` ${p.unit}` : ""}`;
 
 /** A setting in words. */
 export function described(setting, facts) {

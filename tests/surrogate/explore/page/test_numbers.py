@@ -61,7 +61,8 @@ def test_an_input_shows_what_is_drawn(page: Page, explorer: str, surrogate: Surr
         page.keyboard.press("Enter")
         assert_shown(page, surrogate)
         assert {name: asked(page)[name] for name in drawn} == pytest.approx(drawn, abs=1e-12)
-        assert float(typed.input_value()) == (before if said else float(text))
+        assert float(typed.input_value()) == pytest.approx(before if said else float(text), rel=1e-7)
+        assert float(typed.get_attribute("title") or "") == (before if said else float(text))
         assert [said in found for found in refused.all_inner_texts()] == [True] * bool(said)
         assert extrapolated.count() == ((label, text) in EXTRAPOLATED)
         typed.fill("0.4")  # what is typed anew is not complained of any more
@@ -81,3 +82,34 @@ def test_the_ends_of_a_sweep_are_typed_in_the_same_way(page: Page, explorer: str
     page.keyboard.press("Enter")
     assert "0.1 can't be drawn: c2 opacity goes from 0.2" in page.locator(".refused:visible").inner_text()
     assert page.locator("#sweep-high").input_value() == "0.7"
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [
+        (-7.890094408123e-10, "-7.8901e-10"),
+        (-1 / 3, "-0.33333333"),
+        (1234.5, "1234.5"),
+        (1e300, "1e+300"),
+        (-1.23456789e-300, "-1.235e-300"),
+        (0.1 + 0.2, "0.3"),
+        (0, "0"),
+    ],
+)
+def test_a_number_that_does_not_fit_loses_digits_and_not_its_exponent(
+    page: Page, explorer: str, value: float, text: str
+) -> None:
+    page.goto(explorer)
+    shown = page.evaluate("async x => (await import('/explore/numbers.js')).fitting(x)", value)
+    assert len(shown) <= 10
+    assert float(shown) == pytest.approx(value, rel=1e-3)
+    assert shown == text or len(text) > 10
+
+
+def test_a_shortened_number_that_is_entered_again_stays(page: Page, explorer: str, surrogate: Surrogate) -> None:
+    open_explorer(page, explorer, "a.p.p=0.123456789012345")
+    page.get_by_label("p, exact value").fill("0.5")
+    page.get_by_label("p, exact value").fill("0.12345679")
+    page.keyboard.press("Enter")
+    assert_shown(page, surrogate)
+    assert asked(page)["p"] == 0.123456789012345
