@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -52,6 +53,18 @@ class Views:
         steps = tree.query(directions, k=2)[0][:, 1] if len(directions) > 1 else np.zeros(1)
         low, high = rows[:, 3:].min(axis=0).tolist(), rows[:, 3:].max(axis=0).tolist()
         return cls(middle, (low[0], high[0]), (low[1], high[1]), high[2], _angle(float(steps.max())), tree)
+
+    def to_json(self) -> dict[str, Any]:
+        """JSON values by attribute, with the `directions` (D, 3) from the middle towards the cameras."""
+        directions = np.asarray(self._tree.data).round(6).tolist()
+        ranges = {"distances": list(self.distances), "sizes": list(self.sizes)}
+        return {
+            "middle": self.middle.tolist(),
+            **ranges,
+            "aside": self.aside,
+            "gap": self.gap,
+            "directions": directions,
+        }
 
     def cover(self, camera: Camera) -> bool:
         """True if some stored camera sees about what `camera` sees."""

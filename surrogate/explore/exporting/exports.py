@@ -21,6 +21,7 @@ from surrogate.answers.doubt import Doubt, Interval
 from surrogate.emulation.exports import vti_bytes
 from surrogate.evaluation.metrics import WHITE, composite
 from surrogate.explore.exporting.comparison import comparison
+from surrogate.explore.exporting.expectations import Expectations
 from surrogate.explore.exporting.films import film_bytes
 from surrogate.explore.exporting.kinds import FILM_STEPS, FRAMES_PER_SECOND, KINDS
 from surrogate.explore.exporting.naming import file_name
@@ -87,7 +88,10 @@ class PageRequest:
     setting: Setting
 
     def content(self, run: Run, progress: Progress, doubt: Doubt | None = None) -> bytes:
-        return page_bytes(run)
+        def measured(stage: str, done: int, total: int) -> None:
+            progress(done, total)
+
+        return page_bytes(run, Expectations.of(run, doubt, measured))
 
     def summary(self, run: Run) -> str:
         return f"a page of {len(run.surrogate.gaussians):,} Gaussians, which opens in a browser without a program"

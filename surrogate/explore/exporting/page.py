@@ -19,6 +19,7 @@ from catalogs.vocabulary.variations.isovalue import IsovalueVariation
 from catalogs.web import ASSETS
 from surrogate.deformation.visualization import Visualization
 from surrogate.explore.color_maps import NAMES, color_points
+from surrogate.explore.exporting.expectations import Expectations
 from surrogate.explore.facts import facts
 from surrogate.explore.run import Run
 from surrogate.explore.setting import base_function
@@ -43,7 +44,7 @@ TEMPLATE = """<!doctype html>
 <title>{title}</title>
 <link rel="icon" href="data:,">
 <style>{styles}</style>
-<script type="application/json" id="surrogate">{given}</script>
+<script type="text/plain" id="surrogate">{given}</script>
 <script type="text/plain" id="tensors">{tensors}</script>
 <script type="importmap">{modules}</script>
 <script type="module">{entry}</script>
@@ -53,8 +54,8 @@ TEMPLATE = """<!doctype html>
 """
 
 
-def page_bytes(run: Run) -> bytes:
-    """The page of a run, as HTML.
+def page_bytes(run: Run, expected: Expectations | None = None) -> bytes:
+    """The page of a run, as HTML, which says what error to expect where that is known.
 
     Raises ValueError for a surrogate without Gaussians, which the page can't draw.
     """
@@ -67,13 +68,12 @@ def page_bytes(run: Run) -> bytes:
         "img-src data: blob:; base-uri 'none'; form-action 'none'"
     )
     styles = "".join(part.read_text(encoding="utf-8") for part in (ASSETS / "look.css", PAGE / "explore.css"))
-    packed = base64.b64encode(gzip.compress(whole.contents()[0], mtime=0)).decode()
     return TEMPLATE.format(
         policy=policy,
         title=html.escape(f"{run.title} · gs-surrogate"),
         styles=styles,
-        given=json.dumps(_content(run, whole)).replace("<", "\\u003c"),
-        tensors=packed,
+        given=_packed(json.dumps(_content(run, whole, expected or Expectations())).encode()),
+        tensors=_packed(whole.contents()[0]),
         modules=modules,
         entry=ENTRY,
     ).encode()
@@ -87,7 +87,7 @@ def require_drawable(surrogate: Surrogate) -> None:
         )
 
 
-def _content(run: Run, whole: StoredModel) -> dict[str, Any]:
+def _content(run: Run, whole: StoredModel, expected: Expectations) -> dict[str, Any]:
     """Everything that the page must know, as JSON values."""
     surrogate, page_facts = run.surrogate, facts(run)
     followed = [v.variation.kind for v in surrogate.visualizations]
@@ -98,7 +98,7 @@ def _content(run: Run, whole: StoredModel) -> dict[str, Any]:
         "facts": page_facts | {"truth": False, "exports": {"png": "PNG"}},
         "record": record | {"visualizations": [_visualization(v) for v in surrogate.visualizations]},
         "maps": {name: color_points(name, 0.0, 1.0) for name in NAMES} if base_function(surrogate) else {},
-        "expected": _expected(surrogate),
+        "expected": expected.to_json() | {"sentence": expected.why or _average(surrogate)},
     }
 
 
@@ -110,7 +110,7 @@ def _visualization(one: Visualization) -> dict[str, Any]:
     return one.record() | {"variation": form | {"trained": trained}}
 
 
-def _expected(surrogate: Surrogate) -> str:
+def _average(surrogate: Surrogate) -> str:
     psnr = surrogate.scores.psnr.get(VIEW, {}).get(GAUSSIANS)
     return "" if psnr is None else f"Pictures of runs that training did not see: PSNR {psnr:.1f} dB on average"
 
@@ -147,6 +147,11 @@ def _named(room: str, text: str) -> str:
 def _short(text: str) -> str:
     """A module without indentation, and without comments that have lines of their own."""
     return "\n".join(filter(None, (line.strip() for line in COMMENT.sub("", text).splitlines())))
+
+
+def _packed(content: bytes) -> str:
+    """The base64 of gzip."""
+    return base64.b64encode(gzip.compress(content, mtime=0)).decode()
 
 
 def _digest(script: str) -> str:

@@ -3,15 +3,18 @@
 
 import { Cards } from "draw/cards.js";
 import { differenceOf } from "draw/difference.js";
+import { Doubt } from "draw/doubt.js";
 import { Graphics } from "draw/graphics.js";
 import { figureFor, modelOf } from "draw/model.js";
+import { normalized } from "draw/parameters.js";
 import { Scripts } from "draw/scripts.js";
 import { across, cross, unit } from "web/vectors.js";
 
-const CARD = "card", SCRIPTS = "scripts", WORDS = { [CARD]: "graphics card", [SCRIPTS]: "scripts" };
+const GAUSSIANS = "gaussians", CARD = "card", SCRIPTS = "scripts", WORDS = { [CARD]: "graphics card", [SCRIPTS]: "scripts" };
 
-const given = JSON.parse(document.getElementById("surrogate").textContent);
-export const model = modelOf(await tensors(), given.record);
+const given = JSON.parse(new TextDecoder().decode(await unpacked("surrogate")));
+export const model = modelOf(await unpacked("tensors"), given.record);
+export const doubt = given.expected.survey ? new Doubt(given.expected, given.facts.parameters) : null;
 const engines = new Map(); // that have drawn, by their figures and names
 let graphics, refusal = "";
 try {
@@ -21,9 +24,9 @@ try {
 }
 const best = graphics && !graphics.software ? CARD : SCRIPTS;
 
-/** Bytes of base64 and gzip. */
-async function tensors() {
-  const text = document.getElementById("tensors").textContent.trim();
+/** The bytes of an element that holds base64 of gzip. */
+async function unpacked(id) {
+  const text = document.getElementById(id).textContent.trim();
   const packed = Uint8Array.fromBase64?.(text) ?? Uint8Array.from(atob(text), character => character.charCodeAt(0));
   const stream = new Blob([packed]).stream().pipeThrough(new DecompressionStream("gzip"));
   return new Uint8Array(await new Response(stream).arrayBuffer());
@@ -56,7 +59,7 @@ export async function frame(request) {
   return {
     ...answer, pictures, form: request.form, size, drawn: performance.now() - started,
     by: settings.map(setting => WORDS[setting.using || best]),
-    expected: request.form === "png" ? settings.map(expected) : null,
+    expected: request.form === "png" ? settings.map(setting => expected(setting, camera)) : null,
   };
 }
 
@@ -130,9 +133,12 @@ function lookAt({ position, target, up, field }, [width, height]) {
   return { world_to_camera: [...rows, [0, 0, 0, 1]], fx: focal, fy: focal, cx: width / 2, cy: height / 2, width, height };
 }
 
-/** What to expect of a picture: what the run measured on average, and a warning out of bounds. */
-function expected({ parameters }) {
-  const out = given.facts.parameters.filter(({ name, low, high }) => parameters[name] < low || parameters[name] > high);
-  const short = out.length ? `never shown in training: ${out.map(({ name }) => name).join(", ")} out of bounds` : given.expected;
-  return { psnr: null, short, sentence: short, warning: out.length > 0 };
+/** What to expect of a picture; what the run measured on average where it holds no more. */
+function expected({ parameters, visualization, color_map: map }, camera) {
+  if (!doubt) return { psnr: null, short: given.expected.sentence, sentence: given.expected.sentence, warning: false };
+  const { base } = model.record.field ?? {}, changed = map || Object.keys(visualization).length > 0;
+  return doubt.interval({
+    values: parameters, point: normalized(model.record.parameters, parameters), camera, using: GAUSSIANS, trained: !changed,
+    transfer: base && changed && !("isovalue" in visualization) ? transferOf(base, visualization, map) : null,
+  });
 }
