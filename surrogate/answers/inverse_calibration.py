@@ -19,7 +19,7 @@ from surrogate.answers.doubt import key_of
 from surrogate.answers.inverse import Fit, best_fits
 from surrogate.answers.number_targets import NumberResiduals, with_errors
 from surrogate.answers.residuals import Residuals
-from surrogate.answers.sampling import RIDGE
+from surrogate.answers.sampling import RIDGE, distinct, interval_ends, margins_of
 from surrogate.answers.targets import Target, stored_target
 from surrogate.answers.unseen import untested_views
 from surrogate.emulation.validation import NORMAL, conformal_rank
@@ -30,7 +30,7 @@ from surrogate.splatting.threads import one_torch_thread
 from surrogate.storage.records import Record
 
 FILE = Path("answers") / "inverse-{}.json"
-RECORD, VERSION = "inverse", 2
+RECORD, VERSION = "inverse", 3
 MOST, FEWEST = 8, 4  # validation members
 
 Array = NDArray[np.float64]
@@ -45,15 +45,17 @@ class InverseCalibration:
     factor : the mean square of residuals that counts as one independent observation.
     residual : the largest root mean square of validation members' pictures at their solutions.
     members : that calibrated it.
+    margins : by which the interval of each parameter grows to either side, as shares of its width; none for all zero.
     """
 
     factor: float
     residual: float
     members: int
+    margins: tuple[float, ...] = ()
 
     @classmethod
     def of(cls, fits: Sequence[Fit], truths: Sequence[Array]) -> InverseCalibration:
-        """By the best fits to members, and these' normalized parameters (P,): 90 % of parameters lie in their intervals."""
+        """By the best fits to members, and these' normalized parameters (P,): 90 % of all lie in their intervals."""
         needed: list[float] = []
         for fit, truth in zip(fits, truths, strict=True):
             variances = np.diag(np.linalg.inv(fit.curvature + RIDGE * np.eye(len(truth))))
@@ -69,7 +71,11 @@ def calibration_of(surrogate: Surrogate, catalog: Catalog, pictures: int, folder
     if record is not None:
         with suppress(KeyError, TypeError, ValueError):
             values = {name: numbers.finite(record.values[name], name) for name in ("factor", "residual")}
-            return InverseCalibration(**values, members=numbers.count(record.values["members"], "members"))
+            margins = tuple(numbers.finite(value, "margins") for value in record.values["margins"])
+            if len(margins) == len(surrogate.space):
+                return InverseCalibration(
+                    **values, members=numbers.count(record.values["members"], "members"), margins=margins
+                )
     began = time.process_time()
     measured = measure(surrogate, catalog, pictures)
     Record.keep(path, RECORD, VERSION, key, asdict(measured), began)
@@ -84,12 +90,15 @@ def measure(surrogate: Surrogate, catalog: Catalog, pictures: int) -> InverseCal
         raise ValueError(
             f"{catalog.path} has {len(unseen)} validation members, and at least {FEWEST} must calibrate intervals"
         )
-    fair, fits, truths = judged(surrogate, catalog), [], []
+    fair, read, truths = judged(surrogate, catalog), [], []
     for number in spread(len(unseen), MOST):
         targets = targets_for(catalog, unseen[number], untested_views(unseen[number]), pictures, number)
-        fits.append(best_fits(Residuals.of(fair, targets, catalog.plan.background))[0])
+        residuals = Residuals.of(fair, targets, catalog.plan.background)
+        read.append((residuals, best_fits(residuals)))
         truths.append(fair.space.normalize(fair.space.values(unseen[number].parameters, outside="allow")))
-    return InverseCalibration.of(fits, truths)
+    own = InverseCalibration.of([fits[0] for _, fits in read], truths)
+    ends = [interval_ends(residuals, distinct(fits, own.factor), own.factor)[0] for residuals, fits in read]
+    return replace(own, margins=tuple(map(float, margins_of(np.stack(ends), np.stack(truths)))))
 
 
 def numbers_calibrated(residuals: NumberResiduals, catalog: Catalog) -> tuple[NumberResiduals, InverseCalibration]:

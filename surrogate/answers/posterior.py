@@ -2,7 +2,8 @@
 
 The error of a picture is the surrogate's, alike in neighbouring pixels, so pixels can't be counted as independent.  With c the
 mean square of residuals the likelihood is exp(-c / (2 t)).  There is one factor t for each number of pictures: with it the
-intervals hold the parameters of validation members.
+intervals hold the parameters of validation members.  Errors don't pull at all parameters alike: the interval of each grows as
+much as these members need.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from catalogs.store.catalog import Catalog
 from catalogs.vocabulary.cameras import Camera
@@ -21,10 +23,9 @@ from surrogate.answers.inverse import Fit, Problem, best_fits
 from surrogate.answers.inverse_calibration import InverseCalibration, calibration_of, numbers_calibrated
 from surrogate.answers.number_targets import NumberResiduals, Wanted
 from surrogate.answers.residuals import Residuals
-from surrogate.answers.sampling import distinct, samples_of
+from surrogate.answers.sampling import distinct, interval_ends, widened
 from surrogate.answers.targets import Target, views_of
 from surrogate.emulation.measures import Box
-from surrogate.emulation.validation import SHARE
 from surrogate.model import Surrogate
 from surrogate.splatting.threads import one_torch_thread
 
@@ -57,7 +58,7 @@ class ParameterAnswer:
         return text if self.identified else f"{text}: not shown"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Inverse:
     """The parameters that draw pictures.
 
@@ -69,7 +70,7 @@ class Inverse:
     residual_ratio : of the best solution's root mean square residual to the largest of validation members.
     sampled : True where the posterior was not normal, and samples by pictures gave the intervals.
     calibration : of the likelihood.
-    normalized : the intervals' ends, low and high, as normalized parameters.
+    normalized : the intervals' ends (P, 2), low and high, as normalized parameters.
     """
 
     parameters: tuple[ParameterAnswer, ...]
@@ -78,7 +79,7 @@ class Inverse:
     residual_ratio: float
     sampled: bool
     calibration: InverseCalibration
-    normalized: tuple[tuple[float, float], ...] = ()
+    normalized: NDArray[np.float64]
 
     @property
     def foreign(self) -> bool:
@@ -159,17 +160,13 @@ def solved(residuals: Problem, calibration: InverseCalibration) -> Inverse:
 def answer_of(residuals: Problem, local: Sequence[Fit], calibration: InverseCalibration) -> Inverse:
     """The answer by local solutions, best first."""
     space, fits = residuals.surrogate.space, distinct(local, calibration.factor)
-    samples, sampled = samples_of(residuals, fits, calibration.factor)
-    answers, ends = [], []
-    for j, parameter in enumerate(space.parameters):
-        best = fits[0].point[j]
-        low, high = np.quantile(samples[:, j], [(1.0 - SHARE) / 2.0, (1.0 + SHARE) / 2.0])
-        low, high = min(low, best), max(high, best)
-        ends.append((float(low), float(high)))
+    ends, sampled = interval_ends(residuals, fits, calibration.factor)
+    ends, answers = widened(ends, np.array(calibration.margins or (0.0,) * len(space))), []
+    for parameter, best, (low, high) in zip(space.parameters, fits[0].point[: len(space)], ends.tolist(), strict=True):
         low_value, value, high_value = (parameter.at((x + 1.0) / 2.0) for x in (low, best, high))
-        answers.append(ParameterAnswer(parameter.name, value, low_value, high_value, float(high - low) / 2.0))
+        answers.append(ParameterAnswer(parameter.name, value, low_value, high_value, (high - low) / 2.0))
     points = np.stack([fit.point[: len(space)] for fit in fits])
     solutions = tuple(dict(zip(space.names, map(float, row), strict=True)) for row in space.denormalize(points))
     cameras = tuple(residuals.seen_from(dict(enumerate(fit.cameras))).seen_by(fit.point) for fit in fits)
     ratio = math.sqrt(fits[0].cost) / calibration.residual
-    return Inverse(tuple(answers), solutions, cameras, ratio, sampled, calibration, tuple(ends))
+    return Inverse(tuple(answers), solutions, cameras, ratio, sampled, calibration, ends)

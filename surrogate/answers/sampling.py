@@ -13,7 +13,7 @@ from scipy.stats import chi2, truncnorm
 from surrogate.answers.inverse import FIT_SIDE, Fit, Problem, corrected
 from surrogate.answers.number_targets import NumberResiduals
 from surrogate.answers.residuals import angle_between, mean_squares
-from surrogate.emulation.validation import SHARE
+from surrogate.emulation.validation import SHARE, conformal_rank
 from surrogate.randomness import sobol_points
 
 SAMPLES, SWEEPS = 400, 20
@@ -45,6 +45,29 @@ def _apart(fit: Fit, other: Fit, most: float) -> bool:
         return True
     difference = fit.point - other.point
     return bool(difference @ other.curvature @ difference > most)
+
+
+def interval_ends(residuals: Problem, fits: Sequence[Fit], factor: float) -> tuple[Array, bool]:
+    """(ends (P, 2) of intervals that hold 90 % of samples and the best of distinct solutions, and `samples_of`'s word)."""
+    samples, sampled = samples_of(residuals, fits, factor)
+    best = fits[0].point[: residuals.parameters]
+    low, high = np.quantile(samples[:, : len(best)], [(1.0 - SHARE) / 2.0, (1.0 + SHARE) / 2.0], axis=0)
+    return np.stack([np.minimum(low, best), np.maximum(high, best)], axis=1), sampled
+
+
+def margins_of(ends: Array, truths: Array) -> Array:
+    """Shares (P,) of their widths by which intervals (M, P, 2) must grow to either side to hold nine in ten truths (M, P).
+
+    Romano et al. 2019, "Conformalized quantile regression", for each parameter; by shares, and never negative.
+    """
+    outside = np.maximum(ends[..., 0] - truths, truths - ends[..., 1]) / np.maximum(np.ptp(ends, axis=-1), RIDGE)
+    return np.asarray(np.maximum(np.sort(outside, axis=0)[conformal_rank(len(ends)) - 1], 0.0))
+
+
+def widened(ends: Array, margins: Array) -> Array:
+    """Intervals (..., P, 2) grown by margins (P,), within the bounds."""
+    more = margins * np.ptp(ends, axis=-1)
+    return np.clip(np.stack([ends[..., 0] - more, ends[..., 1] + more], axis=-1), -1.0, 1.0)
 
 
 def samples_of(residuals: Problem, fits: Sequence[Fit], factor: float) -> tuple[Array, bool]:

@@ -23,8 +23,9 @@ from catalogs.store.catalog import Catalog
 from research.benchmarks.page import DOCS, command_line, made_by, publish, table
 from surrogate.answers.inverse import FIT_SIDE, Fit, best_fits
 from surrogate.answers.inverse_calibration import MOST, InverseCalibration, targets_for
-from surrogate.answers.posterior import Inverse, answer_of
+from surrogate.answers.posterior import answer_of
 from surrogate.answers.residuals import Residuals, angle_between
+from surrogate.answers.sampling import margins_of, widened
 from surrogate.answers.targets import views_of
 from surrogate.evaluation.scoring import spread
 from surrogate.explore.run import Run
@@ -75,24 +76,19 @@ def coverage(read: Sequence[Read]) -> tuple[Array, Array, float]:
     started = time.process_time()
     answers = [[answer_of(one.residuals, one.fits, replace(whole, factor=f)) for one in read] for f in factors]
     seconds = (time.process_time() - started) / (len(factors) * len(read))
-    truths = [one.truth for one in read]
-    inside = np.array([[within(a, t) for a, t in zip(row, truths, strict=True)] for row in answers])  # [F, M, P]
-    widths = np.array([[[p.width for p in answer.parameters] for answer in row] for row in answers])
+    truths = np.stack([one.truth for one in read])
+    ends = np.array([[answer.normalized for answer in row] for row in answers])  # [F, M, P, 2]
     random, shares, means = np.random.default_rng(0), [], []
     for _ in range(SPLITS):
         order = random.permutation(len(read))
         few = order[: min(MOST, len(read) // 2)]
         calibration = InverseCalibration.of([read[i].fits[0] for i in few], [truths[i] for i in few])
         nearest = int(np.abs(np.log(factors / calibration.factor)).argmin())
-        judged_by = order[len(few) :]
-        shares.append(inside[nearest, judged_by].mean(0))
-        means.append(widths[nearest, judged_by].mean(0))
+        others = order[len(few) :]
+        low, high = np.moveaxis(widened(ends[nearest, others], margins_of(ends[nearest, few], truths[few])), -1, 0)
+        shares.append(((low <= truths[others]) & (truths[others] <= high)).mean(0))
+        means.append((high - low).mean(0) / 2.0)
     return np.mean(shares, axis=0), np.mean(means, axis=0), seconds
-
-
-def within(answer: Inverse, truth: Array) -> Array:
-    """Which true parameters (P,), normalized, lie in an answer's intervals."""
-    return np.array([low <= x <= high for (low, high), x in zip(answer.normalized, truth, strict=True)])
 
 
 def rows_of(title: str, surrogate: Surrogate, catalog: Catalog, pictures: int) -> list[list[str]]:

@@ -14,7 +14,7 @@ from catalogs.store.catalog import Catalog
 from catalogs.vocabulary.cameras import Camera
 from surrogate.answers.inverse import Fit, derivative, fitted
 from surrogate.answers.posterior import invert
-from surrogate.answers.sampling import distinct, normal_samples
+from surrogate.answers.sampling import distinct, margins_of, normal_samples, widened
 from surrogate.answers.targets import Target, stored_target
 from surrogate.cli import main
 from surrogate.model import Surrogate
@@ -106,6 +106,19 @@ def test_solutions_are_distinct_where_neither_holds_the_other() -> None:
         for p, c in (([0, 0], 0.0), ([0.001, 0], 0.1), ([0.5, 0], 0.2), ([-0.5, 0], 90.0))
     ]
     assert [fit.cost for fit in distinct(fits, 1.0)] == [0.0, 0.2]
+
+
+def test_intervals_grow_until_nine_in_ten_truths_lie_inside() -> None:
+    random = np.random.default_rng(0)
+    truths = np.clip(random.normal(size=(4000, 2)) * [0.1, 0.01], -1.0, 1.0)  # the first as wide again as thought
+    ends = np.repeat([[[-0.05, 0.05], [-0.05, 0.05]]], 4000, axis=0)
+    margins = margins_of(ends[:2000], truths[:2000])
+    assert margins[0] == pytest.approx((1.645 * 0.1 - 0.05) / 0.1, abs=0.06)
+    assert margins[1] == 0.0  # never narrower
+    grown = widened(ends[2000:], margins)
+    inside = (grown[..., 0] <= truths[2000:]) & (truths[2000:] <= grown[..., 1])
+    assert inside.mean(0) == pytest.approx([0.9, 1.0], abs=0.02)
+    assert np.abs(widened(ends * 15.0, margins)).max() == 1.0  # within the bounds
 
 
 @pytest.mark.slow
