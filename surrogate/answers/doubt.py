@@ -264,8 +264,9 @@ class Doubt:
         if place.warnings:
             return NEVER, "; ".join(place.warnings), point
         drawn_with = function or _function_of(place)
-        if drawn_with is not None and self.seen_values is not None and self.seen_values.novelty(drawn_with) > NEW:
-            return NEVER, "the transfer function shows values that no trained one showed", point
+        trained = self.seen_values
+        if drawn_with is not None and trained is not None and (new := trained.novelty(drawn_with)) > NEW:
+            return NEVER, f"no trained transfer function showed {new:.0%} of what this one shows", point
         share, (own, most) = self.processes.open_share(point), self.processes.usual_shares
         return (LIKE if share <= own * SLACK else BETWEEN if share <= most else FAR), "", point
 

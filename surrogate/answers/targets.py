@@ -149,7 +149,7 @@ def recorded_camera(path: Path) -> Camera | None:
         record = record_of(path)
     except ValueError:
         return None
-    if changed := [str(record[name]) for name in ("visualization", "color_map") if record.get(name)]:
+    if changed := [str(record[name]) for name in ("visualization", "color_map", "function") if record.get(name)]:
         raise ValueError(f"{path} shows {' and '.join(changed)}: parameters are read from the base appearance alone")
     if "camera" not in record:
         return None

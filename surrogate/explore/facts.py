@@ -4,11 +4,12 @@
     parameters     [{name, unit, scale, low, high, least, most, train, validation}]: `low` to `high` was trained, `least` to `most`
                    can be drawn; the last two are the values of members, sorted, for marks
     variations     [{kind: "isovalue", label, unit, scale, low, high, least, most, train, validation},
-                    {kind: "transfer_function", label, unit, points: [{name, unit, origin, low, high, least, most} * 4],
-                     opacity_points: [[value, opacity] * 4], gradient, color_maps: [{name, gradient}]},
+                    {kind: "transfer_function", label, unit, free, points: [{name, unit, origin, low, high, least, most}],
+                     function: {color_points, opacity_points, opacity_unit_distance}, knots, color_maps: [{name, points}]},
                     {kind: "field", names}]: of a field the base's name first
     histogram      {edges: [65], heights: [64]}: of the base's field over all members, heights the logarithms of counts in [0, 1];
                    null without
+    box            [[x, y, z], [x, y, z]]: the lowest and the highest corner of what is shown, world units
     camera         {direction, up, distance, target, field}: unit vectors, world units, vertical degrees
     members        [{name, split, values}]: values in the order of `parameters`
     background     "#rrggbb" that the training images stand on; null where they have alpha
@@ -17,14 +18,15 @@
     model          {gaussians, megabytes, seconds, representations: [{name, words, megabytes, milliseconds}]}: those that can draw,
                    `megabytes` of each as stored and `milliseconds` of a picture, null where nobody measured it
 
-A label names the field, with its unit; "" where nothing is known of it.  The values of `points` are places of control points, of
-which the base's are the origins.  A gradient is a list of CSS colour stops whose places are percentages between the first and the
-last opacity point.
+A label names the field, with its unit; "" where nothing is known of it.  Where the inner control points of the base
+`function` were varied, `points` are the places of their four numbers; `free` says that any other function can be drawn.
+`knots` are field values that lie equally far apart on the model's scale.  Points of colour maps have places in [0, 1].
 """
 
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import asdict
@@ -35,12 +37,16 @@ from numpy.typing import NDArray
 
 from catalogs.store.catalog import Catalog, Member
 from catalogs.store.summary import FieldSummary
-from catalogs.vocabulary.appearance import Appearance, field_of
+from catalogs.vocabulary.appearance import Appearance, TransferFunction, field_of
 from catalogs.vocabulary.cameras import OBLIQUE, Camera
 from catalogs.vocabulary.parameters import Parameter
 from catalogs.vocabulary.variations import Variation
+from catalogs.vocabulary.variations.transfer_function import TransferFunctionVariation
+from surrogate.appearance.field_gaussians import FieldGaussians
+from surrogate.appearance.scale import ValueScale
 from surrogate.evaluation.scoring import spread
 from surrogate.explore.color_maps import NAMES, color_points
+from surrogate.explore.functions import record_of_function
 from surrogate.explore.run import Run
 from surrogate.explore.setting import base_function
 from surrogate.model import Surrogate
@@ -61,12 +67,15 @@ def facts(run: Run) -> Json:
 
     Raises as `Run.members` does.
     """
-    surrogate, catalog, members = run.surrogate, run.catalog, run.members
+    surrogate, catalog, members, base = run.surrogate, run.catalog, run.members, run.base_function
     statements = {
         "title": run.title,
         "parameters": [_parameter(p, members) for p in surrogate.space.parameters],
-        "variations": [one for v in surrogate.variations if (one := _variation(run, v))],
-        "histogram": _histogram(_base_field(surrogate, catalog), members),
+        "variations": _variations(run),
+        "histogram": _histogram(
+            _base_field(surrogate, catalog), members, None if base is None else _scale(surrogate, base)
+        ),
+        "box": _box(run),
         "camera": _first_orbit(run),
         "members": [
             {"name": m.name, "split": m.split, "values": [m.parameters[name] for name in surrogate.space.names]}
@@ -116,6 +125,21 @@ def _marks(values: Sequence[tuple[str, float]]) -> Json:
     return {split: [places[i] for i in spread(len(places), MOST_TICKS)] for split, places in by_split.items()}
 
 
+def _variations(run: Run) -> list[Json]:
+    """Those that the surrogate follows, and transfer functions where any can be drawn though none was varied."""
+    variations = run.surrogate.variations
+    others = [] if any(v.edits_base for v in variations) else [_functions(run)]
+    return [one for one in [*(_variation(run, v) for v in variations), *others] if one]
+
+
+def _box(run: Run) -> list[list[float]]:
+    """The lowest and the highest corner of what is shown, (2, 3) world units."""
+    if run.catalog is not None:
+        return np.asarray(run.catalog.plan.bounds, np.float64).tolist()
+    center, extent = run.surrogate.normalization.center, run.surrogate.normalization.extent
+    return [(center - extent).tolist(), (center + extent).tolist()]
+
+
 def _variation(run: Run, variation: Variation) -> Json | None:
     """A variation; None for transfer functions around a base that nobody knows any more."""
     if not variation.continuous:
@@ -134,22 +158,32 @@ def _label(run: Run, appearance: str) -> str:
     return "" if match is None or run.catalog is None else run.catalog.plan.field_label(field_of(match))
 
 
-def _functions(run: Run, variation: Variation) -> Json | None:
+def _functions(run: Run, variation: Variation | None = None) -> Json | None:
+    """Transfer functions: those of a variation, any others, or both; None where nobody knows the base."""
     recolorable, base = base_function(run.surrogate), run.base_function
-    if base is None:
+    if base is None or (variation is None and recolorable is None):
         return None
-    low, high = base.opacity_points[0][0], base.opacity_points[-1][0]
-    spanned = base.color_points[0][0], base.color_points[-1][0]
+    label = _label(run, run.surrogate.base_appearance if variation is None else variation.base)
+    parameters = () if variation is None else variation.space.parameters
+    ends, unit = (base.opacity_points[0][0], base.opacity_points[-1][0]), re.fullmatch(r".*\((.*)\)", label)
     maps = NAMES if recolorable is not None else ()
     return {
-        "kind": variation.kind,
-        "label": _label(run, variation.base),
-        "unit": next((p.unit for p in variation.space.parameters if p.unit), ""),
-        "points": [_point(p, run.origins[p.name], (low, high)) for p in variation.space.parameters],
-        "opacity_points": [list(point) for point in base.opacity_points],
-        "gradient": _gradient(base.color_points, low, high),
-        "color_maps": [{"name": n, "gradient": _gradient(color_points(n, *spanned), low, high)} for n in maps],
+        "kind": TransferFunctionVariation.kind,
+        "label": label,
+        "unit": next((p.unit for p in parameters if p.unit), unit[1] if unit else ""),
+        "free": recolorable is not None,
+        "points": [_point(p, run.origins[p.name], ends) for p in parameters],
+        "function": record_of_function(base),
+        "knots": _scale(run.surrogate, base).to_json(),
+        "color_maps": [{"name": name, "points": color_points(name, 0.0, 1.0)} for name in maps],
     }
+
+
+def _scale(surrogate: Surrogate, base: TransferFunction) -> ValueScale:
+    """The scale that the model has for values under the base transfer function."""
+    if isinstance(surrogate.gaussians, FieldGaussians):
+        return surrogate.gaussians.field.scale
+    return ValueScale.of_function(base)
 
 
 def _point(parameter: Parameter, origin: float, ends: tuple[float, float]) -> Json:
@@ -161,17 +195,11 @@ def _point(parameter: Parameter, origin: float, ends: tuple[float, float]) -> Js
     return {"name": parameter.name, "unit": parameter.unit, "origin": origin, **places}
 
 
-def _gradient(points: Sequence[tuple[float, float, float, float]], low: float, high: float) -> str:
-    """CSS colour stops of colour points (value, red, green, blue), 0 % at the value `low` and 100 % at `high`."""
-    stops = []
-    for value, *color in points:
-        red, green, blue = (round(255.0 * channel) for channel in color)
-        stops.append(f"rgb({red} {green} {blue}) {100.0 * (value - low) / (high - low):.3f}%")
-    return ", ".join(stops)
+def _histogram(field: str, members: Sequence[Member], scale: ValueScale | None) -> Json | None:
+    """Of the field over members' summaries, of very many evenly chosen ones; damaged summaries are left out.
 
-
-def _histogram(field: str, members: Sequence[Member]) -> Json | None:
-    """Of the field over members' summaries, of very many evenly chosen ones; damaged summaries are left out."""
+    Its bins are of equal width on the `scale`; without one in the field's unit.
+    """
     histograms: list[tuple[NDArray[Any], NDArray[np.float64]]] = []  # counts [B] and edges [B + 1]
     for member in (members[i] for i in spread(len(members), MOST_SUMMARIES)):
         with suppress(ValueError):
@@ -181,7 +209,8 @@ def _histogram(field: str, members: Sequence[Member]) -> Json | None:
     if not histograms:
         return None
     low, high = min(float(edges[0]) for _, edges in histograms), max(float(edges[-1]) for _, edges in histograms)
-    places = np.linspace(low, high, BINS + 1)  # [BINS + 1]
+    even = np.linspace(0.0, 1.0, BINS + 1)  # [BINS + 1]
+    places = low + (high - low) * even if scale is None else scale.values(even)
     below = [np.interp(places, edges, np.concatenate([[0.0], np.cumsum(counts)])) for counts, edges in histograms]
     heights = np.log1p(np.diff(np.sum(below, axis=0)).clip(0.0))  # [BINS]
     heights = heights / max(float(heights.max()), 1e-300)

@@ -8,11 +8,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
+from catalogs.vocabulary.appearance import TransferFunction
 from catalogs.vocabulary.cameras import Camera
 from catalogs.vocabulary.parameters import Parameter
 from catalogs.vocabulary.variations import APPEARANCE, POINT_PARAMETERS
 from catalogs.vocabulary.words import joined_names
 from surrogate.explore.color_maps import NAMES as COLOR_MAPS
+from surrogate.explore.functions import function_of
 from surrogate.explore.setting import Setting, base_function
 from surrogate.model import Surrogate
 from surrogate.model.places import beyond_limits
@@ -78,9 +80,9 @@ def setting_of(record: Any, surrogate: Surrogate, origins: Mapping[str, float] |
     _require(
         isinstance(using, str) and using in offered, f"using must be one of {', '.join(offered[1:])} or empty", using
     )
-    setting = Setting(
-        {p.name: within(parameters[p.name], p) for p in surrogate.space.parameters}, visualization, color_map, using
-    )
+    function = None if fields.get("function") is None else _function(fields["function"], visualization, surrogate)
+    own = {p.name: within(parameters[p.name], p) for p in surrogate.space.parameters}
+    setting = Setting(own, visualization, color_map, using, function)
     follows_functions = set(visualization) <= set(POINT_PARAMETERS)
     if color_map and not follows_functions:
         raise MessageError("a colour map belongs to a transfer function, not to isosurfaces or other appearances")
@@ -90,6 +92,17 @@ def setting_of(record: Any, surrogate: Surrogate, origins: Mapping[str, float] |
         except ValueError as error:  # control points cross, or colours are fixed
             raise MessageError(str(error)) from None
     return setting
+
+
+def _function(record: Any, visualization: Mapping[str, Any], surrogate: Surrogate) -> TransferFunction:
+    base = base_function(surrogate)
+    if base is None:
+        raise MessageError("this surrogate follows no transfer functions, so it can't be shown under another one")
+    _require(not visualization, "a transfer function stands alone, without visualization", sorted(visualization))
+    try:
+        return function_of(record, base)
+    except ValueError as error:
+        raise MessageError(_shortened_sentence(str(error))) from None
 
 
 def _visualization(
@@ -191,6 +204,10 @@ def _require(met: bool, demand: str, value: Any) -> None:
     """Raise MessageError that names the demand and the value, unless it is met."""
     if not met:
         raise MessageError(f"{demand}, got {_shortened_text(value)}")
+
+
+def _shortened_sentence(text: str) -> str:
+    return text if len(text) <= 300 else f"{text[:297]}..."
 
 
 def _shortened_text(value: Any) -> str:

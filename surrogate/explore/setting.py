@@ -27,15 +27,22 @@ class Setting:
         base transfer function's inner control points; empty for the base appearance.
     color_map : one of `surrogate.explore.color_maps.NAMES` instead of the base's colours; "" for those.
     using : the one of `Surrogate.representations` that draws it; "" for what did best on validation images.
+    function : any transfer function instead of the base and its displacements; None for those.
     """
 
     parameters: Mapping[str, float]
     visualization: Mapping[str, float | str] = field(default_factory=dict)
     color_map: str = ""
     using: str = ""
+    function: TransferFunction | None = None
 
     def __hash__(self) -> int:
-        return hash((frozenset(self.values.items()), self.color_map, self.using))
+        return hash((frozenset(self.values.items()), self.color_map, self.using, self.function))
+
+    @property
+    def is_free(self) -> bool:
+        """True where a transfer function of its own shows the field, in its points or its colours."""
+        return bool(self.color_map) or self.function is not None
 
     @property
     def values(self) -> dict[str, float | str]:
@@ -51,7 +58,8 @@ class Setting:
 
     def shown_as(self, words: str) -> str:
         """The same of other words on its values."""
-        return ", ".join(filter(None, [words, self.color_map, self.using and DRAWN[self.using]]))
+        function = "" if self.function is None else f"function of {len(self.function.opacity_points)} points"
+        return ", ".join(filter(None, [words, function, self.color_map, self.using and DRAWN[self.using]]))
 
     def member(self, surrogate: Surrogate) -> MemberModel:
         """The surrogate at this setting; raises ValueError as `Surrogate.at` and `Surrogate.under` do.
@@ -60,13 +68,13 @@ class Setting:
         """
         if self.using:
             surrogate = surrogate.using(self.using)
-        if not self.color_map:
+        if not self.is_free:
             return surrogate.at(self.values, outside="allow")
         return surrogate.under(self.transfer_function(surrogate), self.parameters, outside="allow")
 
     def doubted(self, doubt: Doubt) -> MemberDoubt:
         """The doubt of what is shown at this setting; raises ValueError as `member` does."""
-        if not self.color_map:
+        if not self.is_free:
             return doubt.at(self.values, using=self.using)
         return doubt.at(self.parameters, self.transfer_function(doubt.surrogate), using=self.using)
 
@@ -74,15 +82,16 @@ class Setting:
         """The one of `surrogate.representations` that draws it."""
         if self.using:
             return self.using
-        return surrogate.drawn_by(self.visualization, under=bool(self.color_map))
+        return surrogate.drawn_by(self.visualization, under=self.is_free)
 
     def transfer_function(self, surrogate: Surrogate) -> TransferFunction:
         """The one that is shown; raises ValueError where the surrogate follows none, or where control points cross."""
         base = base_function(surrogate)
         if base is None:
             raise ValueError("this surrogate follows no transfer functions, so its colours can't be changed")
-        displacements = [float(self.visualization.get(name, 0.0)) for name in POINT_PARAMETERS]
-        function = displaced(base, displacements)
+        function = self.function or base
+        if self.function is None and self.visualization:
+            function = displaced(base, [float(self.visualization.get(name, 0.0)) for name in POINT_PARAMETERS])
         if not self.color_map:
             return function
         low, high = base.color_points[0][0], base.color_points[-1][0]

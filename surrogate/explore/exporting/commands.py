@@ -24,6 +24,11 @@ PARAMETERS = click.option(
 COLOR_MAP = click.option(
     "--color-map", default="", metavar="NAME", help="Such as viridis, instead of the base's colours."
 )
+FUNCTION = click.option(
+    "--function",
+    type=click.Path(exists=True, dir_okay=False, path_type=Path),
+    help="A transfer function in JSON, as the explorer copies it, instead of the base.",
+)
 USING = click.option(
     "--using",
     default="",
@@ -40,6 +45,7 @@ SIZE = click.option(
 @RUN
 @PARAMETERS
 @COLOR_MAP
+@FUNCTION
 @USING
 @VIEW
 @SIZE
@@ -95,6 +101,7 @@ def export(run: Path, output: Path, **options: Any) -> None:
 @click.option("--rows-steps", default=ROW_STEPS, show_default=True, help="How many rows.")
 @PARAMETERS
 @COLOR_MAP
+@FUNCTION
 @USING
 @VIEW
 @SIZE

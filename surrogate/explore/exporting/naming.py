@@ -10,6 +10,7 @@ from typing import Any
 
 from catalogs.vocabulary.cameras import Camera
 from catalogs.vocabulary.numbers import text
+from surrogate.explore.functions import record_of_function
 from surrogate.explore.run import Run
 from surrogate.explore.setting import Setting, with_origins
 
@@ -32,12 +33,16 @@ def _words(run: Run, request: Any) -> list[str]:
     sweep = getattr(request, "sweep", None)
     if sweep is None:
         against = ["compared"] if hasattr(request, "other") else []
-        return [*against, *_values(run, request.setting.values), request.setting.color_map, request.setting.using]
+        return [*against, *_values(run, request.setting.values), *_looks(request.setting)]
     over = [
         f"{axis.name}-{text(axis.low + axis.origin)}-to-{text(axis.high + axis.origin)}"
         for axis in reversed(sweep.axes)
     ]
-    return [*over, *_values(run, sweep.fixed), sweep.base.color_map, sweep.base.using]
+    return [*over, *_values(run, sweep.fixed), *_looks(sweep.base)]
+
+
+def _looks(setting: Setting) -> list[str]:
+    return ["" if setting.function is None else "function", setting.color_map, setting.using]
 
 
 def _values(run: Run, values: dict[str, float | str]) -> list[str]:
@@ -58,7 +63,8 @@ def _plain(value: Any) -> Any:
     if isinstance(value, Camera):
         return value.to_json()
     if isinstance(value, Setting):
-        return [dict(value.values), value.color_map, *filter(None, [value.using])]
+        function = [] if value.function is None else [record_of_function(value.function)]
+        return [dict(value.values), value.color_map, *filter(None, [value.using]), *function]
     if is_dataclass(value):
         return [_plain(getattr(value, field.name)) for field in fields(value)]
     return [_plain(part) for part in value] if isinstance(value, tuple | list) else value

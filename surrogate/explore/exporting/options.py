@@ -5,10 +5,12 @@ People give control points of transfer functions by their places; settings hold 
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from catalogs.vocabulary.appearance import TransferFunction
 from catalogs.vocabulary.cameras import Camera
 from catalogs.vocabulary.variations import APPEARANCE, POINT_PARAMETERS
 from surrogate.command_line import assignment
@@ -25,9 +27,10 @@ from surrogate.explore.exporting.exports import (
 )
 from surrogate.explore.exporting.kinds import FILM_STEPS, ROW_STEPS, SHEET_STEPS
 from surrogate.explore.exporting.sweep import Axis, Sweep, axis_of, parameters_of
+from surrogate.explore.functions import function_of, record_of_function
 from surrogate.explore.request import Color, setting_of
 from surrogate.explore.run import Run
-from surrogate.explore.setting import Setting
+from surrogate.explore.setting import Setting, base_function
 from surrogate.storage.picture_records import record_of
 
 MOST_SIDE = 8192  # pixels that a command may ask for
@@ -41,8 +44,11 @@ def from_options(options: Mapping[str, Any], kind: Any, run: Run) -> CommandRequ
     for wrong options.
     """
     surrogate = run.surrogate
-    like, camera, like_background = _read_state(options["like"]) if options.get("like") else (Setting({}), None, None)
-    setting = _setting(run, options["parameters"], options["color_map"], like, options["using"])
+    like, camera, like_background = (
+        _read_state(run, options["like"]) if options.get("like") else (Setting({}), None, None)
+    )
+    function = _function_in(options["function"]) if options.get("function") else None
+    setting = _setting(run, options["parameters"], options["color_map"], like, options["using"], function)
     if kind == "ply":
         return GaussiansRequest(setting)
     if kind == "html":
@@ -89,21 +95,35 @@ def extrapolations(request: CommandRequest, run: Run) -> list[str]:
     return sentences
 
 
-def _read_state(path: Path) -> tuple[Setting, Camera | None, Color | None]:
+def _function(run: Run, record: Any) -> TransferFunction | None:
+    base = base_function(run.surrogate)
+    return None if record is None or base is None else function_of(record, base)
+
+
+def _function_in(path: Path) -> Any:
+    """The JSON value of a file that holds a transfer function."""
+    try:
+        return json.loads(path.read_text(encoding="utf-8"))
+    except (ValueError, RecursionError) as error:
+        raise ValueError(f"{path} holds no transfer function in JSON: {error}") from None
+
+
+def _read_state(run: Run, path: Path) -> tuple[Setting, Camera | None, Color | None]:
     """The setting, camera and background that a picture keeps."""
     record = record_of(path)
     try:
         parameters = {name: float(value) for name, value in record["parameters"].items()}
-        setting = Setting(
-            parameters, dict(record["visualization"]), str(record["color_map"]), str(record.get("using", ""))
-        )
+        texts = str(record["color_map"]), str(record.get("using", ""))
+        setting = Setting(parameters, dict(record["visualization"]), *texts, _function(run, record.get("function")))
         camera = Camera.from_json(record["camera"]) if "camera" in record else None
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         raise ValueError(f"the picture keeps no setting or camera that is understood: {error!r}") from error
     return setting, camera, None if record.get("background") is None else _color(record["background"])
 
 
-def _setting(run: Run, assignments: Sequence[str], color_map: str, like: Setting, using: str = "") -> Setting:
+def _setting(
+    run: Run, assignments: Sequence[str], color_map: str, like: Setting, using: str = "", function: Any = None
+) -> Setting:
     """The setting of assignments over `like` over the middle of all bounds, checked as a message of the page is."""
     space = run.surrogate.space
     names = [*space.names, *run.surrogate.visualization_names]
@@ -115,12 +135,15 @@ def _setting(run: Run, assignments: Sequence[str], color_map: str, like: Setting
     varied = {name: value for name, value in values.items() if name not in space.names}
     middle = {p.name: p.middle for p in space.parameters}
     simulated = {name: value for name, value in values.items() if name in space.names}
-    visualization = _merged(varied, like.visualization)
+    visualization = {} if function is not None and not varied else _merged(varied, like.visualization)
+    if function is None and like.function is not None and not varied:
+        function = record_of_function(like.function)
     record = {
         "parameters": {**middle, **like.parameters, **simulated},
         "visualization": visualization,
         "color_map": color_map or like.color_map,
         "using": using or like.using,
+        "function": function,
     }
     return setting_of(record, run.surrogate, run.origins)
 

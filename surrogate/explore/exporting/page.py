@@ -12,17 +12,16 @@ import hashlib
 import html
 import json
 import re
+from dataclasses import replace
 from importlib.resources import files
 from typing import Any
 
 from catalogs.vocabulary.variations.isovalue import IsovalueVariation
 from catalogs.web import ASSETS
 from surrogate.deformation.visualization import Visualization
-from surrogate.explore.color_maps import NAMES, color_points
 from surrogate.explore.exporting.expectations import Expectations
 from surrogate.explore.facts import facts
 from surrogate.explore.run import Run
-from surrogate.explore.setting import base_function
 from surrogate.model import Surrogate
 from surrogate.model.form import stored_form
 from surrogate.model.representation import GAUSSIANS, VIEW
@@ -89,16 +88,13 @@ def require_drawable(surrogate: Surrogate) -> None:
 
 def _content(run: Run, whole: StoredModel, expected: Expectations) -> dict[str, Any]:
     """Everything that the page must know, as JSON values."""
-    surrogate, page_facts = run.surrogate, facts(run)
-    followed = [v.variation.kind for v in surrogate.visualizations]
-    page_facts["variations"] = [one for one in page_facts["variations"] if one["kind"] in followed]
-    page_facts["model"] |= {"megabytes": surrogate.using(GAUSSIANS).sizes[GAUSSIANS]}
+    surrogate = replace(run.surrogate, field=None)
+    page_facts = facts(replace(run, surrogate=surrogate))
     record = {name: whole.record[name] for name in DRAWN if name in whole.record}
     return {
         "facts": page_facts | {"truth": False, "exports": {"png": "PNG"}},
         "record": record | {"visualizations": [_visualization(v) for v in surrogate.visualizations]},
-        "maps": {name: color_points(name, 0.0, 1.0) for name in NAMES} if base_function(surrogate) else {},
-        "expected": expected.to_json() | {"sentence": expected.why or _average(surrogate)},
+        "expected": expected.to_json() | {"sentence": expected.why or _average(run.surrogate)},
     }
 
 

@@ -27,7 +27,7 @@ def snippet(
     `folder` is that of the surrogate, and stands in the program as an absolute path.  Without a `background` (straight RGB in
     [0, 1]) the picture is transparent.  Raises ValueError where the surrogate can't show the setting's colours.
     """
-    function = _function_lines(setting, surrogate) if setting.color_map else []
+    function = _function_lines(setting, surrogate) if setting.is_free else []
     arguments = ["function", *_arguments(setting.parameters)] if function else _arguments(setting.values)
     picture = f"surrogate.{'under' if function else 'at'}({', '.join(arguments)})"
     chosen = f'.using("{setting.using}")' if setting.using else ""
@@ -38,7 +38,11 @@ def snippet(
         f"from catalogs import Camera{', TransferFunction' if function else ''}",
         "from catalogs.files.images import write_image",
         "from surrogate import Surrogate",
-        *(["from surrogate.explore.color_maps import color_points"] if function else []),
+        *(
+            ["from surrogate.explore.color_maps import color_points"]
+            if any("color_points(" in f for f in function)
+            else []
+        ),
         "",
         f"surrogate = Surrogate.load({str(Path(folder).resolve())!r}){chosen}",
         "camera = Camera.from_json(",
@@ -71,7 +75,7 @@ def _function_lines(setting: Setting, surrogate: Surrogate) -> list[str]:
     """The transfer function, its colours by the name of their map where that says it all."""
     function = setting.transfer_function(surrogate)
     low, high = function.color_points[0][0], function.color_points[-1][0]
-    named = color_points(setting.color_map, low, high) == function.color_points
+    named = bool(setting.color_map) and color_points(setting.color_map, low, high) == function.color_points
     colors = f"color_points({setting.color_map!r}, {low!r}, {high!r})" if named else repr(function.color_points)
     return [
         "function = TransferFunction(",

@@ -1,9 +1,10 @@
 // The address holds the whole state: what is not there is as at first.  What is there and can't be is named in notes.
 
 import { digits, digitsOf } from "../web/elements.js";
+import { ofWord, settled, wordOf } from "./functions.js";
 import { rounded as roundedOrbit } from "./orbit.js";
 import {
-  BACKGROUNDS, current, endsOf, firstSetting, firstState, firstSweep, FULL_SIZES, MODES, MOST_COUNT, pointsOf, possibleSweep, rangeOf,
+  BACKGROUNDS, current, endsOf, firstSetting, kindsOf, firstState, firstSweep, FULL_SIZES, MODES, MOST_COUNT, pointsOf, possibleSweep, rangeOf,
   sweepable, variation,
 } from "./state.js";
 
@@ -29,11 +30,12 @@ export function addressOf(state, facts) {
 function writeSetting(fields, side, setting, facts) {
   const first = firstSetting(facts), put = (name, value, otherwise) => { if (value !== otherwise) fields.set(`${side}.${name}`, value); };
   for (const [name, value] of Object.entries(setting.parameters)) fields.set(`${side}.p.${name}`, value);
-  put("show", setting.kind, "base");
+  put("show", setting.kind, first.kind);
   put("isovalue", setting.isovalue, first.isovalue);
   put("appearance", setting.appearance, first.appearance);
   put("colors", setting.colorMap, "");
   put("using", setting.using, "");
+  if (setting.free) fields.set(`${side}.function`, wordOf(setting.free));
   for (const point of POINTS) put(point, placeOf(setting.points, point), placeOf(first.points, point));
 }
 
@@ -107,7 +109,7 @@ const short = text => text.length > LONGEST ? `${text.slice(0, LONGEST)}…` : t
 
 function readSetting(reading, side, facts, setting) {
   for (const p of facts.parameters) setting.parameters[p.name] = reading.number(`${side}.p.${p.name}`, p, setting.parameters[p.name]);
-  setting.kind = reading.choice(`${side}.show`, ["base", ...facts.variations.map(v => v.kind)], setting.kind);
+  setting.kind = reading.choice(`${side}.show`, kindsOf(facts), setting.kind);
   setting.using = reading.choice(`${side}.using`, ["", ...facts.model.representations.map(one => one.name)], "");
   const isovalue = variation(facts, "isovalue"), field = variation(facts, "field"), functions = variation(facts, "transfer_function");
   if (isovalue) setting.isovalue = reading.number(`${side}.isovalue`, isovalue, setting.isovalue);
@@ -115,6 +117,7 @@ function readSetting(reading, side, facts, setting) {
   if (functions) {
     setting.colorMap = reading.choice(`${side}.colors`, ["", ...functions.color_maps.map(map => map.name)], "");
     readPoints(reading, side, setting, facts);
+    if (functions.free) readFunction(reading, `${side}.function`, setting, functions);
   }
   return setting;
 }
@@ -133,6 +136,16 @@ function readPoints(reading, side, setting, facts) {
   if (first.c1_value !== undefined && setting.points.c1_value >= setting.points.c2_value) {
     reading.notes.push("the control points cross: they stand where they were at first");
     setting.points = first;
+  }
+}
+
+function readFunction(reading, name, setting, functions) {
+  const word = reading.text(name);
+  if (word === null) return;
+  try {
+    Object.assign(setting, settled(ofWord(word), functions));
+  } catch (error) {
+    reading.note(name, error.message, "the base");
   }
 }
 

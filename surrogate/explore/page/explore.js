@@ -177,7 +177,7 @@ class Explorer {
     else if ("appearance" in visualization) setting.appearance = visualization.appearance;
     else if (setting.kind === "transfer_function") {
       setting.points = Object.fromEntries(pointsOf(this.facts).map(p => [p.name, p.origin + (visualization[p.name] ?? 0)]));
-      setting.colorMap = "";
+      Object.assign(setting, { colorMap: "", free: null });
     }
   }
 

@@ -4,7 +4,7 @@ import { button, digits, digitsOf, element, field, menu, section, tabs } from ".
 import { numberInput } from "./numbers.js";
 import { anglesOf, placedAt, PRESETS, seenFrom, widened, zoomed } from "./orbit.js";
 import { slider } from "./sliders.js";
-import { BACKGROUNDS, COUNTS, current, endsOf, FULL_SIZES, mostRows, rangeOf, sweepable, sweptOf, variation } from "./state.js";
+import { BACKGROUNDS, COUNTS, current, endsOf, FULL_SIZES, kindsOf, mostRows, rangeOf, sweepable, sweptOf, variation } from "./state.js";
 import { transferEditor } from "./transfer.js";
 import { extrapolation, KIND_NAMES } from "./words.js";
 
@@ -52,11 +52,12 @@ function memberMenu(explorer) {
 
 /** The visualization: { box, set(setting) }; null where there is one kind only. */
 export function visualizationPanel(explorer, swept) {
-  const { facts } = explorer, setting = current(explorer.state), kinds = ["base", ...facts.variations.map(v => v.kind)];
-  if (kinds.length === 1) return null;
+  const { facts } = explorer, setting = current(explorer.state), kinds = kindsOf(facts);
+  if (kinds.length === 1 && kinds[0] === "base") return null;
   const choose = kind => { current(explorer.state).kind = kind; explorer.set({}); document.getElementById(`kind-${kind}`).focus(); };
   const chooser = tabs("How the field is shown", "kind", "visualization-panel", setting.kind, kinds.map(kind => [kind, KIND_NAMES[kind]]), choose);
   const shown = kindPanel(explorer, setting.kind, swept);
+  if (kinds.length === 1) return { box: section("Visualization", shown.box), set: shown.set };
   const panel = element("div", { id: "visualization-panel", role: "tabpanel", "aria-labelledby": `kind-${setting.kind}` }, shown.box);
   return { box: section("Visualization", chooser, panel), set: shown.set };
 }
@@ -70,8 +71,7 @@ function kindPanel(explorer, kind, swept) {
     return { box: made.box, set: setting => made.set(setting.isovalue) };
   }
   if (kind === "transfer_function") {
-    const editor = transferEditor(of, facts.histogram, points => change({ points }), colorMap => change({ colorMap }));
-    return { box: editor.box, set: setting => editor.set(setting.points, setting.colorMap) };
+    return transferEditor(of, facts.histogram, change, explorer);
   }
   if (kind === "field") {
     const box = menu("Appearance", "appearance", "", of.names.map(name => [name, name]), appearance => change({ appearance }));

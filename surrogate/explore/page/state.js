@@ -1,10 +1,11 @@
 // Everything that a tab shows, as one plain object; `address.js` writes it into the address, whole.
 //
 // { mode, settings: [A, B], active, against, orbit, background, full, sweep }
-// A setting: { parameters: {name: value}, kind, isovalue, points: {c1_value, ...}, colorMap, appearance, using }; `points` are the
-// places of the transfer function's control points, `using` names what draws it, "" for the best.  A sweep: { name, low, high, count, second, secondLow, secondHigh, secondCount }, where
+// A setting: { parameters: {name: value}, kind, isovalue, points: {c1_value, ...}, free, colorMap, appearance, using }; `points` are the
+// places of the transfer function's control points, `free` is another function instead (functions.js) or null, `using` names what draws it, "" for the best.  A sweep: { name, low, high, count, second, secondLow, secondHigh, secondCount }, where
 // "" for an end is the bound.
 
+import { recordOf } from "./functions.js";
 import { rounded as roundedOrbit } from "./orbit.js";
 
 export const MODES = ["view", "compare", "sweep"];
@@ -21,13 +22,20 @@ const middle = p => p.scale === "log" ? Math.sqrt(p.low * p.high) : (p.low + p.h
 /** The parameters of the control points: [{ name, unit, origin, low, high, least, most }], none without a transfer function. */
 export const pointsOf = facts => variation(facts, "transfer_function")?.points ?? [];
 
+/** What can be chosen to be shown, the first at first: transfer functions hold the base appearance. */
+export function kindsOf(facts) {
+  const kinds = facts.variations.map(v => v.kind), functions = "transfer_function";
+  return kinds.includes(functions) ? [functions, ...kinds.filter(kind => kind !== functions)] : ["base", ...kinds];
+}
+
 export function firstSetting(facts) {
   const isovalue = variation(facts, "isovalue"), field = variation(facts, "field");
   return {
     parameters: Object.fromEntries(facts.parameters.map(p => [p.name, middle(p)])),
-    kind: "base",
+    kind: kindsOf(facts)[0],
     isovalue: isovalue ? middle(isovalue) : 0,
     points: Object.fromEntries(pointsOf(facts).map(p => [p.name, p.origin])),
+    free: null,
     colorMap: "",
     appearance: field ? field.names[0] : "",
     using: "",
@@ -50,22 +58,31 @@ export function firstState(facts) {
   };
 }
 
-/** A setting as the server takes it: control points by their displacements. */
+/** A setting as the server takes it: control points by their displacements, other functions whole. */
 export function messageOf(setting, facts) {
+  const functions = setting.kind === "transfer_function", free = functions && setting.free;
   const visualization = {
     base: () => ({}),
     isovalue: () => ({ isovalue: setting.isovalue }),
-    transfer_function: () => Object.fromEntries(pointsOf(facts).map(p => [p.name, setting.points[p.name] - p.origin])),
+    transfer_function: () => displacements(setting, facts),
     field: () => ({ appearance: setting.appearance }),
   }[setting.kind]();
-  const color_map = setting.kind === "transfer_function" ? setting.colorMap : "";
-  return { parameters: { ...setting.parameters }, visualization, color_map, ...(setting.using && { using: setting.using }) };
+  return {
+    parameters: { ...setting.parameters }, visualization, color_map: functions ? setting.colorMap : "",
+    ...(setting.using && { using: setting.using }), ...(free && { function: recordOf(free) }),
+  };
+}
+
+/** Displacements of the base's control points: none where none is moved, or where another function is shown. */
+function displacements({ points, free }, facts) {
+  const moved = pointsOf(facts).map(p => [p.name, points[p.name] - p.origin]);
+  return free || moved.every(([, by]) => !by) ? {} : Object.fromEntries(moved);
 }
 
 /** What can be swept or slid: simulation parameters, and those of the setting's visualization. */
 export function sweepable(facts, setting) {
   const more = setting.kind === "isovalue" ? [{ name: "isovalue", ...variation(facts, "isovalue") }]
-    : setting.kind === "transfer_function" ? pointsOf(facts) : [];
+    : setting.kind === "transfer_function" && !setting.free ? pointsOf(facts) : [];
   return [...facts.parameters, ...more];
 }
 

@@ -3,7 +3,7 @@
 import { digitsOf } from "../web/elements.js";
 import { pointsOf, variation } from "./state.js";
 
-export const KIND_NAMES = { base: "Volume", isovalue: "Isovalue", transfer_function: "Transfer function", field: "Field" };
+export const KIND_NAMES = { base: "Volume", isovalue: "Isovalue", transfer_function: "Volume", field: "Field" };
 
 /** A parameter's value with its name and unit. */
 export const valued = (p, value) => `${p.name.replaceAll("_", " ")} ${digitsOf(p, value, 5)}${p.unit ? ` ${p.unit}` : ""}`;
@@ -14,6 +14,7 @@ export function described(setting, facts) {
   if (setting.kind === "isovalue") words.push(valued({ name: "isovalue", ...variation(facts, "isovalue") }, setting.isovalue));
   if (setting.kind === "field") words.push(setting.appearance);
   if (setting.kind === "transfer_function") {
+    if (setting.free) words.push(`function of ${setting.free.opacity.length} points`);
     const moved = pointsOf(facts).filter(p => setting.points[p.name] !== p.origin);
     words.push(...moved.map(p => valued(p, setting.points[p.name])));
     if (setting.colorMap) words.push(setting.colorMap);

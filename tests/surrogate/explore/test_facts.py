@@ -16,12 +16,13 @@ from catalogs.vocabulary.cameras import OBLIQUE, Camera
 from catalogs.vocabulary.parameters import Parameter, ParameterSpace
 from catalogs.vocabulary.quantity import Quantity
 from surrogate import Surrogate
+from surrogate.appearance.scale import ValueScale
 from surrogate.explore import facts as module
 from surrogate.explore.color_maps import NAMES
 from surrogate.explore.facts import facts, orbit_of
 from surrogate.explore.run import Run
 from tests.support.blobs import Blobs
-from tests.support.field_blobs import BLOBS, FUNCTION, STEPS, field_catalog
+from tests.support.field_blobs import BLOBS, FUNCTION, STEPS, field_catalog, summary
 from tests.support.models import following, plain
 from tests.support.stored_ensembles import MakeCatalog
 
@@ -111,10 +112,17 @@ def test_transfer_functions(told: dict[str, Any]) -> None:
     assert (points["c1_value"]["least"], points["c2_value"]["most"]) == pytest.approx(
         (0.003, 2.997)
     )  # between the ends
-    assert found["opacity_points"] == [list(point) for point in FUNCTION.opacity_points]
-    assert found["gradient"] == "rgb(26 51 230) 0.000%, rgb(230 230 51) 50.000%, rgb(230 26 26) 100.000%"
+    assert found["function"] == {
+        "color_points": [list(point) for point in FUNCTION.color_points],
+        "opacity_points": [list(point) for point in FUNCTION.opacity_points],
+        "opacity_unit_distance": FUNCTION.opacity_unit_distance,
+    }
+    assert found["free"]
+    assert found["knots"] == [0.0, 1.0, 1.5, 2.0, 3.0]
     assert [each["name"] for each in found["color_maps"]] == list(NAMES)
-    assert found["color_maps"][0]["gradient"].startswith("rgb(68 1 84) 0.000%, ")
+    place, *color = found["color_maps"][0]["points"][0]
+    assert place == 0.0
+    assert color == pytest.approx([0x44 / 255, 0x01 / 255, 0x54 / 255], abs=1 / 255)
 
 
 def test_fields_are_named_base_first(tmp_path: Path, surrogate: Surrogate) -> None:
@@ -130,8 +138,13 @@ def test_the_histogram_is_of_all_members_and_logarithmic(told: dict[str, Any]) -
     histogram = told["histogram"]
     assert (histogram["edges"][0], histogram["edges"][-1]) == FUNCTION.bounds
     assert (len(histogram["edges"]), len(histogram["heights"])) == (65, 64)
-    counts, _ = np.histogram(BLOBS.values, bins=64, range=FUNCTION.bounds)
-    heights = np.log1p(4.0 * counts)  # members
+    edges = ValueScale.of_function(FUNCTION).values(np.linspace(0.0, 1.0, 65))
+    stored = summary(BLOBS)
+    below = np.interp(
+        edges, stored.bin_edges, np.concatenate([[0.0], 4.0 * np.cumsum(stored.histogram)])
+    )  # of 4 members
+    heights = np.log1p(np.diff(below))
+    np.testing.assert_allclose(histogram["edges"], edges)
     np.testing.assert_allclose(histogram["heights"], heights / heights.max(), atol=1e-9)
 
 

@@ -1,5 +1,5 @@
 // The explorer's program inside the page: the same calls as connection.js makes, answered by the browser itself.
-// The page holds the surrogate: {facts, record, maps, expected} and its tensors, compressed.
+// The page holds the surrogate: {facts, record, expected} and its tensors, compressed.
 
 import { Cards } from "draw/cards.js";
 import { differenceOf } from "draw/difference.js";
@@ -75,11 +75,11 @@ export async function exported(request) {
 }
 
 /** The engine that a setting names, which shows it: what it shows already is not computed anew. */
-function shown({ using, parameters, visualization, color_map: map }) {
-  const name = using || best, figure = figureFor(model, visualization), engine = engineOf(name, figure);
-  const values = { ...parameters, ...visualization }, point = JSON.stringify(values), look = JSON.stringify([visualization, map]);
+function shown({ using, parameters, visualization, color_map: map, function: free }) {
+  const name = using || best, figure = figureFor(model, visualization, map || free), engine = engineOf(name, figure);
+  const values = { ...parameters, ...visualization }, point = JSON.stringify(values), look = JSON.stringify([visualization, map, free]);
   const isNew = figure.base && engine.look !== look;
-  if (isNew) engine.setFunction(transferOf(figure.base, visualization, map));
+  if (isNew) engine.setFunction(transferOf({ ...figure.base, ...free }, visualization, map));
   if (engine.point !== point || isNew && figure.made) engine.setParameters(values);
   return Object.assign(engine, { point, look });
 }
@@ -93,14 +93,15 @@ function engineOf(name, figure) {
 const bitmap = (engine, camera, background) =>
   engine instanceof Cards ? engine.bitmap(camera, background) : bitmapOf(displayed(engine.draw(camera), background), [camera.width, camera.height]);
 
-/** The base with displaced control points and a colour map; see `displaced` of the catalog's variations. */
+/** A function with displaced control points and a colour map; see `displaced` of the catalog's variations. */
 export function transferOf(base, visualization, map) {
   const points = base.opacity_points.map(point => [...point]);
   ["c1_value", "c1_opacity", "c2_value", "c2_opacity"].forEach((name, i) => {
     if (name in visualization) points[1 + (i >> 1)][i & 1] += visualization[name];
   });
   const [low, high] = [base.color_points[0][0], base.color_points.at(-1)[0]];
-  const colors = map ? given.maps[map].map(([place, ...color]) => [low + place * (high - low), ...color]) : base.color_points;
+  const chosen = map && given.facts.variations.flatMap(one => one.color_maps ?? []).find(({ name }) => name === map);
+  const colors = chosen ? chosen.points.map(([place, ...color]) => [low + place * (high - low), ...color]) : base.color_points;
   return { ...base, opacity_points: points, color_points: colors };
 }
 
@@ -134,11 +135,11 @@ function lookAt({ position, target, up, field }, [width, height]) {
 }
 
 /** What to expect of a picture; what the run measured on average where it holds no more. */
-function expected({ parameters, visualization, color_map: map }, camera) {
+function expected({ parameters, visualization, color_map: map, function: free }, camera) {
   if (!doubt) return { psnr: null, short: given.expected.sentence, sentence: given.expected.sentence, warning: false };
-  const { base } = model.record.field ?? {}, changed = map || Object.keys(visualization).length > 0;
+  const { base } = model.record.field ?? {}, changed = map || free || Object.keys(visualization).length > 0;
   return doubt.interval({
     values: parameters, point: normalized(model.record.parameters, parameters), camera, using: GAUSSIANS, trained: !changed,
-    transfer: base && changed && !("isovalue" in visualization) ? transferOf(base, visualization, map) : null,
+    transfer: base && changed && !("isovalue" in visualization) ? transferOf({ ...base, ...free }, visualization, map) : null,
   });
 }

@@ -6,9 +6,10 @@ import { decoded, parsed } from "draw/tensors.js";
 /** The model of safetensors' bytes and the record beside them: {record, figures}.  Throws for damage. */
 export const modelOf = (bytes, record) => ({ record, figures: figuresOf(decoded(parsed(bytes)), record) });
 
-/** The figure that shows visualization parameters by name: the base's, or that of one of its visualizations. */
-export function figureFor({ record, figures }, visualization) {
-  const number = record.visualizations.findIndex(({ variation }) => argumentsOf(variation).some(name => name in visualization));
+/** The figure that shows visualization parameters by name, or any function: the base's, or that of one of its visualizations. */
+export function figureFor({ record, figures }, visualization, byFunction = false) {
+  const shows = variation => byFunction ? variation.kind === "transfer_function" : argumentsOf(variation).some(name => name in visualization);
+  const number = record.visualizations.findIndex(({ variation }) => shows(variation));
   if (number < 0 || visualization.appearance === record.visualizations[number].variation.base) return figures[0];
   return figures[number + 1] ?? figures[0];
 }

@@ -25,9 +25,10 @@ def viewed(page: Page) -> None:
     page.locator("#kind-isovalue").click()
     page.locator("#isovalue").press("ArrowLeft")
     page.locator("#kind-transfer_function").click()  # the isovalue is not seen any more, but kept
-    drag(page, ".transfer .handle >> nth=1", -20, -10)
+    drag(page, ".transfer .handle >> nth=2", -20, -10)
+    page.get_by_role("slider", name="Control point c1").focus()
     typed(page, "c1 opacity", "0.9")
-    page.locator("#color-map").select_option("turbo")
+    page.get_by_role("button", name="turbo").click()
     drag(page, "#stage", 70, 30)
     page.mouse.wheel(0, 200)
     page.locator("#background").select_option("#ffffff")
@@ -98,16 +99,21 @@ def test_a_reload_changes_nothing(page: Page, explorer: str, operate: Callable[[
 RANDOM_STATES = """async count => {
   const [{ addressOf, stateOf }, states, { rounded }] =
     await Promise.all(["address", "state", "orbit"].map(name => import(`/explore/${name}.js`)));
-  const { firstState, possibleSweep, sweepable, current, variation, pointsOf, MODES, FULL_SIZES } = states;
+  const { firstState, kindsOf, possibleSweep, sweepable, current, variation, pointsOf, MODES, FULL_SIZES } = states;
   const facts = window.explorer.facts, wrong = [], random = Math.random, pick = from => from[Math.floor(random() * from.length)];
   const between = p => pick([p.low, p.least, p.most, p.least + random() * (p.most - p.least)]);
   const setting = first => {
     const made = structuredClone(first);
     for (const p of facts.parameters) made.parameters[p.name] = between(p);
-    made.kind = pick(["base", ...facts.variations.map(v => v.kind)]);
+    made.kind = pick(kindsOf(facts));
     made.isovalue = between(variation(facts, "isovalue"));
     for (const p of pointsOf(facts)) if (random() < 0.5) made.points[p.name] = p.low + random() * (p.high - p.low);
     if (made.points.c1_value >= made.points.c2_value) made.points = first.points;
+    if (random() < 0.3) {
+      const values = [0, 1, 2, 3].map(i => i + random());
+      const colors = pick([null, values.slice(1).map(x => [x, pick(["#00ff7f", "#123456"])])]);
+      Object.assign(made, { points: { ...first.points }, free: { opacity: values.map(x => [x, random()]), colors } });
+    }
     made.colorMap = pick(["", "viridis", "gray"]);
     made.using = pick(["", ...facts.model.representations.map(one => one.name)]);
     return made;
@@ -145,7 +151,19 @@ CHANGED: list[tuple[str, list[str]]] = [
     ("a.p.p=x&b.p.p=0.1", ["A: p = x is not a number: 0.5 instead"]),
     ("a.p.q=1", ["a.p.q is not part of a link: left out"]),
     ("mode=fly", ["mode = fly is unknown here: view instead"]),
-    ("a.show=field", ["A: show = field is unknown here: base instead"]),
+    ("a.show=field", ["A: show = field is unknown here: transfer_function instead"]),
+    (
+        "a.function=0,0.5;1,0.2;1,0.3",
+        ["A: function = 0,0.5;1,0.2;1,0.3 has points of opacity whose values do not increase: the base instead"],
+    ),
+    ("a.function=0,0.5;1,1.2", ["A: function = 0,0.5;1,1.2 has opacities outside 0 to 1: the base instead"]),
+    ("a.function=0,0.5", ["A: function = 0,0.5 has 1 points of opacity, not 2 to 256: the base instead"]),
+    (
+        "a.function=0,0;1,1|0,ff;1,00ff00",
+        ["A: function = 0,0;1,1|0,ff;1,00ff00 is not a list of control points: the base instead"],
+    ),
+    ("a.function=0,0;1,x", ["A: function = 0,0;1,x has values other than numbers: the base instead"]),
+    ("a.function=0,0;0.5,1;3,0.25|0,ff0000;2,00ff00", []),
     ("a.c1=2.1,0.3", ["the control points cross: they stand where they were at first"]),
     ("a.c1=1.2", ["A: c1 = 1.2 is not a value and opacity: 1,0.3 instead"]),
     (

@@ -8,7 +8,7 @@ import math
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
@@ -22,6 +22,7 @@ from surrogate.appearance.averages import resampled
 from surrogate.appearance.scale import ValueScale
 from surrogate.evaluation.metrics import WHITE
 from surrogate.explore.exporting.page import page_bytes
+from surrogate.explore.request import setting_of
 from surrogate.explore.run import Run
 from tests.support.browsers import serious_findings
 from tests.support.drawn_models import BASE, CENTER, EXTENT, SIDE, cameras, carrying, colored
@@ -87,8 +88,19 @@ def test_any_transfer_function_is_drawn(page: Page, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("engine", ["card", "scripts"])
-@pytest.mark.parametrize("name", ["four samples a pixel", "values that follow a field, logarithmic"])
-def test_what_is_shown_is_the_picture_in_8_bits(page: Page, tmp_path: Path, name: str, engine: str) -> None:
+@pytest.mark.parametrize(
+    ("name", "look"),
+    [
+        ("four samples a pixel", {}),
+        ("values that follow a field, logarithmic", {}),
+        ("values", {"color_map": "viridis"}),
+        ("values", {"function": {"opacity_points": [[0.1, 0.0], [0.5, 0.9], [0.6, 0.1]]}, "color_map": "turbo"}),
+        ("values", {"function": {"opacity_points": [[0, 0.9], [1, 0]], "color_points": [[0, 1, 0, 0], [1, 0, 1, 1]]}}),
+    ],
+)
+def test_what_is_shown_is_the_picture_in_8_bits(
+    page: Page, tmp_path: Path, name: str, look: dict[str, Any], engine: str
+) -> None:
     surrogate = MODELS[name]()
     opened(page, surrogate, tmp_path)
     script = """async request => {
@@ -101,12 +113,14 @@ def test_what_is_shown_is_the_picture_in_8_bits(page: Page, tmp_path: Path, name
     }"""
     place = (CENTER + EXTENT * np.array([0.0, -2.5, 0.5])).tolist()
     seen = {"position": place, "target": CENTER.tolist(), "up": [0.0, 0.0, 1.0], "field": 40.0}
-    setting = {"parameters": surrogate.space.middle, "visualization": {}, "color_map": "", "using": engine}
+    parameters = surrogate.space.middle
+    setting = {"parameters": parameters, "visualization": {}, "color_map": "", "using": engine, **look}
     request = {"settings": [setting], "camera": seen, "size": [SIDE, SIDE - 8], "background": "#336699", "form": "png"}
     found = np.reshape(page.evaluate(script, request), (SIDE - 8, SIDE, 4))[..., :3]
     camera = Camera.look_at(place, CENTER, vertical_fov_degrees=40.0, width=SIDE, height=SIDE - 8)
     background = (0x33 / 255, 0x66 / 255, 0x99 / 255)
-    expected = 255.0 * surrogate.at(surrogate.space.middle).render(camera, background=background)[..., :3]
+    asked = setting_of({"parameters": parameters, **look}, surrogate)
+    expected = 255.0 * asked.member(surrogate).render(camera, background=background)[..., :3]
     assert np.ptp(expected) > 50.0
     assert np.abs(found - expected).max() < 1.01
 
