@@ -1,7 +1,8 @@
 """The explorer as one file that needs no program: its page, the scripts that draw, and the surrogate.
 
-Modules become `data:` addresses of an import map, by names such as "draw/cards.js", and nothing else may run: the content security
-policy holds the digests of both scripts.  The model is data, as it is stored.
+Modules are compressed.  The page makes `data:` addresses of them, for an import map of names such as "draw/cards.js".  Nothing else
+may run: the content security policy holds the digests of this map and of the script that makes it.  The model is data, as it is
+stored.
 """
 
 from __future__ import annotations
@@ -32,7 +33,16 @@ DRAWN = ("parameters", "normalization", "deformation", "rasterizer", "field", "b
 IMPORT = re.compile(r'from "(?:\./|\.\./web/|(draw/|web/))([a-z_]+\.js)"')
 COMMENT = re.compile(r"^\s*(?://[^\n]*|/\*\*.*?\*/)\n", re.MULTILINE | re.DOTALL)
 LOCAL, PROGRAM = "draw/local.js", "connection.js"
-ENTRY = 'import "explore/explore.js";'
+ENTRY = """(async () => {
+const packed = Uint8Array.from(atob(document.getElementById("modules").textContent), letter => letter.charCodeAt(0));
+const stream = new Blob([packed]).stream().pipeThrough(new DecompressionStream("gzip"));
+const imports = JSON.parse(await new Response(stream).text());
+for (const name in imports)
+imports[name] = "data:text/javascript;base64," + btoa(String.fromCharCode(...new TextEncoder().encode(imports[name])));
+const map = Object.assign(document.createElement("script"), { type: "importmap", textContent: JSON.stringify({ imports }) });
+document.head.append(map);
+await import("explore/explore.js");
+})();"""
 TEMPLATE = """<!doctype html>
 <html lang="en">
 <head>
@@ -45,10 +55,9 @@ TEMPLATE = """<!doctype html>
 <style>{styles}</style>
 <script type="text/plain" id="surrogate">{given}</script>
 <script type="text/plain" id="tensors">{tensors}</script>
-<script type="importmap">{modules}</script>
-<script type="module">{entry}</script>
+<script type="text/plain" id="modules">{modules}</script>
 </head>
-<body></body>
+<body><script>{entry}</script></body>
 </html>
 """
 
@@ -61,9 +70,11 @@ def page_bytes(run: Run, expected: Expectations | None = None) -> bytes:
     surrogate = run.surrogate
     require_drawable(surrogate)
     whole = stored_form(surrogate)
-    modules = json.dumps({"imports": _modules()})
+    modules = _modules()
+    imports = {name: f"data:text/javascript;base64,{_base64(text.encode())}" for name, text in modules.items()}
+    map_of_them = json.dumps({"imports": imports}, separators=(",", ":"))  # as `JSON.stringify` writes it
     policy = (
-        f"default-src 'none'; script-src {_digest(modules)} {_digest(ENTRY)} data:; style-src 'unsafe-inline'; "
+        f"default-src 'none'; script-src {_digest(map_of_them)} {_digest(ENTRY)} data:; style-src 'unsafe-inline'; "
         "img-src data: blob:; base-uri 'none'; form-action 'none'"
     )
     styles = "".join(part.read_text(encoding="utf-8") for part in (ASSETS / "look.css", PAGE / "explore.css"))
@@ -73,7 +84,7 @@ def page_bytes(run: Run, expected: Expectations | None = None) -> bytes:
         styles=styles,
         given=_packed(json.dumps(_content(run, whole, expected or Expectations())).encode()),
         tensors=_packed(whole.contents()[0]),
-        modules=modules,
+        modules=_packed(json.dumps(modules).encode()),
         entry=ENTRY,
     ).encode()
 
@@ -112,17 +123,13 @@ def _average(surrogate: Surrogate) -> str:
 
 
 def _modules() -> dict[str, str]:
-    """The import map: every module by a name of its own."""
+    """The text of every module by a name of its own."""
     rooms = {"draw": PAGE / "draw", "explore": PAGE, "web": ASSETS}
-    texts = {
-        f"{room}/{file.name}": _named(room, file.read_text(encoding="utf-8"))
+    return {
+        f"{room}/{file.name}": _short(_named(room, file.read_text(encoding="utf-8")))
         for room, folder in rooms.items()
         for file in sorted(folder.iterdir(), key=lambda file: file.name)
         if file.name.endswith(".js") and (room, file.name) != ("explore", PROGRAM)
-    }
-    return {
-        name: "data:text/javascript;base64," + base64.b64encode(_short(text).encode()).decode()
-        for name, text in texts.items()
     }
 
 
@@ -147,9 +154,13 @@ def _short(text: str) -> str:
 
 def _packed(content: bytes) -> str:
     """The base64 of gzip."""
-    return base64.b64encode(gzip.compress(content, mtime=0)).decode()
+    return _base64(gzip.compress(content, mtime=0))
 
 
 def _digest(script: str) -> str:
     """The source expression of an inline script (Content Security Policy Level 3, section 8.3)."""
-    return f"'sha256-{base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()}'"
+    return f"'sha256-{_base64(hashlib.sha256(script.encode()).digest())}'"
+
+
+def _base64(content: bytes) -> str:
+    return base64.b64encode(content).decode()

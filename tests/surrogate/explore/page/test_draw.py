@@ -186,5 +186,5 @@ def test_what_a_page_cannot_draw_is_refused() -> None:
 
 def test_a_page_is_small_beside_its_model() -> None:
     surrogate = colored()
-    assert len(page_bytes(Run("a run", surrogate))) < 1.4e6 * surrogate.megabytes + 220_000
+    assert len(page_bytes(Run("a run", surrogate))) < 1.4e6 * surrogate.megabytes + 150_000
     assert html.escape("a & b") in page_bytes(Run("a & b", surrogate)).decode()
