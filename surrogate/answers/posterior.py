@@ -30,7 +30,7 @@ from surrogate.model import Surrogate
 from surrogate.splatting.threads import one_torch_thread
 
 WIDE = 0.4  # of the range: an interval wider than that does not identify a parameter
-FOREIGN = 1.25  # times the largest residual of validation members
+FOREIGN = 1.1  # times the largest residual of validation members
 
 
 @dataclass(frozen=True)
