@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,9 +15,13 @@ from catalogs.vocabulary.words import one_line
 from surrogate.answers.opinions import smaller
 from surrogate.answers.small_fields import SmallFields
 from surrogate.answers.targets import averaged, inside
+from surrogate.emulation.exports import xarray_package
 from surrogate.evaluation.metrics import WHITE, composite
 from surrogate.model import Surrogate
 from surrogate.model.representation import BOTH, FIELD, GAUSSIANS, WORDS
+
+if TYPE_CHECKING:
+    import xarray
 
 STEP = 0.01  # of a range, to either side: below it pictures change by single Gaussians that appear or vanish
 MOST_STEP = 0.25
@@ -55,6 +59,18 @@ class Sensitivity:
     def __repr__(self) -> str:
         ranked = np.argsort(-self.of_view, kind="stable")
         return "<Sensitivity: " + ", ".join(f"{self.space.names[j]} {self.of_view[j]:.3f}" for j in ranked) + ">"
+
+    def to_xarray(self) -> xarray.Dataset:
+        """`maps` over parameter, row, column and channel, `picture`, and `agreement` of each map where there is one.
+
+        Raises ModuleNotFoundError without xarray.
+        """
+        pixels = ("row", "column", "channel")
+        named: dict[str, Any] = {"maps": (("parameter", *pixels), self.maps), "picture": (pixels, self.picture)}
+        if self.agreements is not None:
+            named["agreement"] = ("parameter", self.agreements)
+        lines = {"parameter": list(self.space.names), "channel": ["red", "green", "blue"]}
+        return xarray_package().Dataset(named, lines, dict(self.parameters))
 
     @property
     def magnitudes(self) -> Array:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,11 +18,15 @@ from surrogate.answers.next_runs import mean_lengths
 from surrogate.answers.sensitivity import Box, Draw
 from surrogate.answers.small_fields import SmallFields
 from surrogate.answers.targets import inside
+from surrogate.emulation.exports import xarray_package
 from surrogate.emulation.measures import MAXIMUM, MEAN, MINIMUM, NUMBERS, SHARE, box_numbers
 from surrogate.evaluation.metrics import WHITE, composite
 from surrogate.model import Surrogate
 from surrogate.model.representation import FIELD, GAUSSIANS, VIEW, WORDS
 from surrogate.randomness import sobol_points
+
+if TYPE_CHECKING:
+    import xarray
 
 SAMPLES = 512
 SIDE = 32  # pixels along the longer side: means and variances need no more
@@ -123,6 +127,12 @@ class SobolIndices:
         ranked = np.argsort(-self.total, kind="stable")
         each = ", ".join(f"{self.space.names[j]} {self.total[j]:.2f} ({self.first[j]:.2f} alone)" for j in ranked)
         return f"<SobolIndices of the {self.response.words}: {each}>"
+
+    def to_xarray(self) -> xarray.Dataset:
+        """`first`, `total` and their half widths over parameters; raises ModuleNotFoundError without xarray."""
+        named = {name: ("parameter", getattr(self, name)) for name in ("first", "total", "first_half", "total_half")}
+        about = {"response": self.response.words, "distribution": self.distribution, "samples": self.samples}
+        return xarray_package().Dataset(named, {"parameter": list(self.space.names)}, about)
 
     @property
     def sentences(self) -> list[str]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 from xml.sax.saxutils import escape, quoteattr
 
 import numpy as np
@@ -76,11 +76,7 @@ def to_xarray(field: LatticeField) -> xarray.Dataset:
 
     Raises ModuleNotFoundError with the remedy where xarray is not installed.
     """
-    try:
-        import xarray
-    except ModuleNotFoundError:
-        raise ModuleNotFoundError("to_xarray needs the package xarray: pip install xarray") from None
-
+    xarray = xarray_package()
     attributes = {"units": field.quantity.unit} if field.quantity.unit else {}
     axes = ("z", "y", "x")
     lines = {
@@ -89,6 +85,16 @@ def to_xarray(field: LatticeField) -> xarray.Dataset:
     }
     named = {name: (axes, values, attributes) for name, values in _arrays(field)}
     return xarray.Dataset(named, lines)
+
+
+def xarray_package() -> Any:
+    """The package; raises ModuleNotFoundError with the remedy where it is not installed."""
+    try:
+        import xarray
+    except ModuleNotFoundError:
+        raise ModuleNotFoundError("to_xarray needs the package xarray: pip install xarray") from None
+
+    return xarray
 
 
 def _arrays(field: LatticeField) -> Iterator[tuple[str, NDArray[np.float32]]]:

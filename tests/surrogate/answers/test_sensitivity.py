@@ -107,6 +107,9 @@ def test_maps_that_hardly_change_agree_about_nothing() -> None:
     assert ends[1].endswith("the map is uncertain")
     assert ends[2] == ""
     assert json.loads(json.dumps(answer.to_json()))["changes"]["c"]["agreement"] is None
+    labelled = answer.to_xarray()
+    assert np.array_equal(labelled["maps"].sel(parameter="c", channel="blue"), one[2, ..., 2])
+    assert float(labelled["agreement"].sel(parameter="b")) == pytest.approx(-1.0)
 
 
 def test_the_command_says_draws_and_writes_json(three: Path, tmp_path: Path) -> None:

@@ -51,6 +51,9 @@ def test_indices_are_those_of_salib_and_of_the_closed_form() -> None:
     assert np.allclose(answer.total, other["ST"], atol=0.03)
     assert np.allclose(answer.first_half, other["S1_conf"], rtol=0.35)
     assert np.allclose(answer.total_half, other["ST_conf"], rtol=0.35)
+    labelled = answer.to_xarray()
+    assert np.array_equal(labelled["total"].sel(parameter=["c", "a"]), answer.total[[2, 0]])
+    assert labelled.attrs == {"response": "of Ishigami", "distribution": answer.distribution, "samples": 2048}
 
 
 def test_the_estimators_are_salibs_on_the_same_points(monkeypatch: pytest.MonkeyPatch) -> None:
