@@ -17,22 +17,37 @@ if TYPE_CHECKING:
     from playwright.sync_api import Page
 
 DRAW = """async ([cases, engine]) => {
-  const { model, transferOf } = await import("draw/local.js"), { figureFor } = await import("draw/model.js");
-  const { Cards } = await import("draw/cards.js");
+  const { model } = await import("draw/local.js"), { transferOf } = await import("draw/ways.js");
+  const { figureFor } = await import("draw/model.js"), { Cards } = await import("draw/cards.js");
   const { Graphics } = await import("draw/graphics.js"), { Scripts } = await import("draw/scripts.js");
   const card = figure => new Cards(figure, new Graphics(document.createElement("canvas"))), engines = new Map();
   const engineOf = figure => engine === "card" ? card(figure) : new Scripts(figure);
   return cases.map(({ parameters, camera, transfer, visualization }) => {
     const figure = figureFor(model, parameters), own = engines.get(figure) ?? engineOf(figure);
     engines.set(figure, own);
-    if (visualization) own.setFunction(transferOf(figure.base, visualization, ""));
+    if (visualization) own.setFunction(transferOf(figure.base, visualization));
     if (transfer) own.setFunction(transfer);
     own.setParameters(parameters);
-    const bytes = new Uint8Array(own.draw(camera).buffer);
+    return textOf(own.draw(camera));
+  });
+}"""
+FIELD = """async ([cases, engine]) => {
+  const { model: { fields } } = await import("draw/local.js"), { FieldCards } = await import("draw/field_cards.js");
+  const { FieldScripts } = await import("draw/field_scripts.js"), { Graphics } = await import("draw/graphics.js");
+  const graphics = new Graphics(document.createElement("canvas"));
+  const own = engine === "card" ? new FieldCards(fields, graphics) : new FieldScripts(fields);
+  return cases.map(({ parameters, visualization, transfer, camera }) => {
+    own.set(parameters, visualization, transfer);
+    return textOf(own.draw(camera));
+  });
+}"""
+TEXT = """() => {
+  window.textOf = numbers => {
+    const bytes = new Uint8Array(numbers.buffer);
     let text = "";
     for (let at = 0; at < bytes.length; at += 8192) text += String.fromCharCode(...bytes.subarray(at, at + 8192));
     return btoa(text);
-  });
+  };
 }"""
 
 
@@ -48,9 +63,19 @@ def opened(page: Page, surrogate: Surrogate, folder: Path, title: str = "a run")
 
 
 def drawn(page: Page, cases: list[dict[str, Any]], engine: str) -> list[NDArray[np.float32]]:
-    """Pictures (H, W, 4) by an engine of the page."""
+    """Pictures (H, W, 4) of Gaussians by an engine of the page."""
+    return _pictures(page, DRAW, cases, engine)
+
+
+def field_drawn(page: Page, cases: list[dict[str, Any]], engine: str) -> list[NDArray[np.float32]]:
+    """Pictures (H, W, 4) of the emulated field by an engine of the page."""
+    return _pictures(page, FIELD, cases, engine)
+
+
+def _pictures(page: Page, script: str, cases: list[dict[str, Any]], engine: str) -> list[NDArray[np.float32]]:
+    page.evaluate(TEXT)
     pictures = []
-    for text, case in zip(page.evaluate(DRAW, [cases, engine]), cases, strict=True):
+    for text, case in zip(page.evaluate(script, [cases, engine]), cases, strict=True):
         height, width = case["camera"]["height"], case["camera"]["width"]
         pictures.append(np.frombuffer(base64.b64decode(text), np.float32).reshape(height, width, 4))
     return pictures

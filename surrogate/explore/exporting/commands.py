@@ -69,6 +69,11 @@ SIZE = click.option(
     help="Write this field, or the one that this appearance shows; repeatable.  [default: all fields]",
 )
 @click.option(
+    "--field-modes",
+    type=int,
+    help="Modes of the emulated field in a page; 0 leaves it out.  [default: all, where it draws best]",
+)
+@click.option(
     "-o",
     "--output",
     required=True,
@@ -129,6 +134,8 @@ def _write(folder: Path, output: Path, kinds: Sequence[str], options: Mapping[st
             raise ValueError(
                 f"-a names fields of a .vti file, got {output.name}: -p appearance=NAME draws another appearance"
             )
+        if options.get("field_modes") is not None and kind != "html":
+            raise ValueError(f"--field-modes is of a page, a .html file, got {output.name}")
         if options.get("compare") and kind != "png":
             raise ValueError(f"a comparison is a PNG, got {output.name}")
         if not output.parent.is_dir():
@@ -152,7 +159,8 @@ def _write(folder: Path, output: Path, kinds: Sequence[str], options: Mapping[st
             output.mkdir(exist_ok=True)
             output /= f"{file_name(run, request)}.{KINDS[kind][0]}"
         durable.replace(output, content)
-        click.echo(f"{output}: {request.summary(run)}")
+        size = f", {len(content) / 1e6:.1f} MB" if kind == "html" else ""
+        click.echo(f"{output}: {request.summary(run)}{size}")
         expected = request.expected(run, doubt) if hasattr(request, "expected") else None
         if expected is not None:
             click.echo(expected.sentence)

@@ -25,7 +25,7 @@ from surrogate.explore.exporting.expectations import Expectations
 from surrogate.explore.exporting.films import film_bytes
 from surrogate.explore.exporting.kinds import FILM_STEPS, FRAMES_PER_SECOND, KINDS
 from surrogate.explore.exporting.naming import file_name
-from surrogate.explore.exporting.page import page_bytes
+from surrogate.explore.exporting.page import page_bytes, page_contents
 from surrogate.explore.exporting.pictures import encode, record_for
 from surrogate.explore.exporting.ply import ply_bytes
 from surrogate.explore.exporting.sheets import captioned, strip
@@ -83,18 +83,19 @@ class GaussiansRequest:
 
 @dataclass(frozen=True, eq=False)
 class PageRequest:
-    """The explorer as one file, drawn by the browser; see `page_bytes`."""
+    """The explorer as one file, drawn by the browser; see `page_bytes`, which also knows the number of `modes`."""
 
     setting: Setting
+    modes: int | None = None
 
     def content(self, run: Run, progress: Progress, doubt: Doubt | None = None) -> bytes:
         def measured(stage: str, done: int, total: int) -> None:
             progress(done, total)
 
-        return page_bytes(run, Expectations.of(run, doubt, measured))
+        return page_bytes(run, Expectations.of(run, doubt, measured), self.modes)
 
     def summary(self, run: Run) -> str:
-        return f"a page of {len(run.surrogate.gaussians):,} Gaussians, which opens in a browser without a program"
+        return f"a page of {page_contents(run, self.modes)}, which opens in a browser without a program"
 
 
 @dataclass(frozen=True, eq=False)

@@ -52,7 +52,10 @@ def from_options(options: Mapping[str, Any], kind: Any, run: Run) -> CommandRequ
     if kind == "ply":
         return GaussiansRequest(setting)
     if kind == "html":
-        return PageRequest(setting)
+        modes = options["field_modes"]
+        if modes is not None and modes < 0:
+            raise ValueError(f"--field-modes must be 0 or more, got {modes}")
+        return PageRequest(setting, modes)
     if kind == "vti":
         names = options["appearance"] or [v for n, v in setting.visualization.items() if n == APPEARANCE]
         return FieldsRequest(setting, tuple(map(str, names)))

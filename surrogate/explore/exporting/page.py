@@ -18,18 +18,20 @@ from importlib.resources import files
 from typing import Any
 
 from catalogs.vocabulary.variations.isovalue import IsovalueVariation
+from catalogs.vocabulary.words import plural
 from catalogs.web import ASSETS
 from surrogate.deformation.visualization import Visualization
 from surrogate.explore.exporting.expectations import Expectations
+from surrogate.explore.exporting.page_field import field_of_page, stored_field
 from surrogate.explore.facts import facts
 from surrogate.explore.run import Run
 from surrogate.model import Surrogate
 from surrogate.model.form import stored_form
-from surrogate.model.representation import GAUSSIANS, VIEW
+from surrogate.model.representation import FIELD, GAUSSIANS, KINDS, VIEW
 from surrogate.storage.models import StoredModel
 
 PAGE = files("surrogate.explore") / "page"
-DRAWN = ("parameters", "normalization", "deformation", "rasterizer", "field", "background")  # of the record
+DRAWN = ("normalization", "deformation", "rasterizer", "field", "background")  # of the record
 IMPORT = re.compile(r'from "(?:\./|\.\./web/|(draw/|web/))([a-z_]+\.js)"')
 COMMENT = re.compile(r"^\s*(?://[^\n]*|/\*\*.*?\*/)\n", re.MULTILINE | re.DOTALL)
 LOCAL, PROGRAM = "draw/local.js", "connection.js"
@@ -55,6 +57,7 @@ TEMPLATE = """<!doctype html>
 <style>{styles}</style>
 <script type="text/plain" id="surrogate">{given}</script>
 <script type="text/plain" id="tensors">{tensors}</script>
+<script type="text/plain" id="field">{field}</script>
 <script type="text/plain" id="modules">{modules}</script>
 </head>
 <body><script>{entry}</script></body>
@@ -62,14 +65,21 @@ TEMPLATE = """<!doctype html>
 """
 
 
-def page_bytes(run: Run, expected: Expectations | None = None) -> bytes:
+def page_bytes(run: Run, expected: Expectations | None = None, modes: int | None = None) -> bytes:
     """The page of a run, as HTML, which says what error to expect where that is known.
 
-    Raises ValueError for a surrogate without Gaussians, which the page can't draw.
+    It holds the Gaussians, and the emulated field with at most a number of `modes`: 0 leaves it out.  By default it is there
+    where it draws best, or alone.  Raises ValueError for a surrogate that has nothing that a page can draw.
     """
-    surrogate = run.surrogate
-    require_drawable(surrogate)
-    whole = stored_form(surrogate)
+    surrogate, field = run.surrogate, field_of_page(run.surrogate, modes)
+    emulation = None if field is None else stored_field(field, modes)
+    if emulation is None and not len(surrogate.gaussians):
+        raise ValueError(
+            "a page is drawn by Gaussians or an emulated field, and this one would hold neither: explore the run with "
+            "`surrogate explore RUN` instead"
+        )
+    whole = stored_form(surrogate) if len(surrogate.gaussians) else None
+    content = _content(run, whole, emulation, expected or Expectations())
     modules = _modules()
     imports = {name: f"data:text/javascript;base64,{_base64(text.encode())}" for name, text in modules.items()}
     map_of_them = json.dumps({"imports": imports}, separators=(",", ":"))  # as `JSON.stringify` writes it
@@ -82,30 +92,51 @@ def page_bytes(run: Run, expected: Expectations | None = None) -> bytes:
         policy=policy,
         title=html.escape(f"{run.title} · gs-surrogate"),
         styles=styles,
-        given=_packed(json.dumps(_content(run, whole, expected or Expectations())).encode()),
-        tensors=_packed(whole.contents()[0]),
+        given=_packed(json.dumps(content).encode()),
+        tensors=_tensors(whole),
+        field=_tensors(emulation),
         modules=_packed(json.dumps(modules).encode()),
         entry=ENTRY,
     ).encode()
 
 
-def require_drawable(surrogate: Surrogate) -> None:
-    """Raise ValueError for a surrogate whose pictures a page can't draw."""
-    if not len(surrogate.gaussians):
-        raise ValueError(
-            "a page is drawn by Gaussians, and this surrogate has none: explore the run with `surrogate explore RUN` instead"
-        )
+def page_contents(run: Run, modes: int | None = None) -> str:
+    """The contents of the page in words, with what the emulated field adds to it."""
+    surrogate, field = run.surrogate, field_of_page(run.surrogate, modes)
+    parts = [f"{len(surrogate.gaussians):,} Gaussians"] if len(surrogate.gaussians) else []
+    if field is not None:
+        emulation = stored_field(field, modes)
+        fields = emulation.record["fields"]
+        count, size = sum(len(one["groups"]) for one in fields), len(_tensors(emulation)) / 1e6
+        parts.append(f"{plural(len(fields), 'emulated field')} ({plural(count, 'mode')}, which add {size:.1f} MB)")
+    return " and ".join(parts)
 
 
-def _content(run: Run, whole: StoredModel, expected: Expectations) -> dict[str, Any]:
+def _tensors(model: StoredModel | None) -> str:
+    return "" if model is None else _packed(model.contents()[0])
+
+
+def _content(
+    run: Run, whole: StoredModel | None, emulation: StoredModel | None, expected: Expectations
+) -> dict[str, Any]:
     """Everything that the page must know, as JSON values."""
-    surrogate = replace(run.surrogate, field=None)
+    surrogate = run.surrogate if emulation is not None else replace(run.surrogate, field=None)
+    if whole is None:
+        surrogate = surrogate.using(FIELD)
+    sizes = {name: model.megabytes for name, model in ((GAUSSIANS, whole), (FIELD, emulation)) if model is not None}
     page_facts = facts(replace(run, surrogate=surrogate))
-    record = {name: whole.record[name] for name in DRAWN if name in whole.record}
+    record = {} if whole is None else {name: whole.record[name] for name in DRAWN if name in whole.record}
     return {
         "facts": page_facts | {"truth": False, "exports": {"png": "PNG"}},
-        "record": record | {"visualizations": [_visualization(v) for v in surrogate.visualizations]},
-        "expected": expected.to_json() | {"sentence": expected.why or _average(run.surrogate)},
+        "record": {
+            "parameters": surrogate.space.to_json(),
+            **record,
+            "visualizations": [_visualization(v) for v in surrogate.visualizations],
+            "emulation": emulation and emulation.record,
+        },
+        "megabytes": sizes,
+        "best": {kind: surrogate.representation(kind) for kind in KINDS},
+        "expected": expected.to_json() | {"sentence": expected.why or _average(surrogate)},
     }
 
 
@@ -118,7 +149,7 @@ def _visualization(one: Visualization) -> dict[str, Any]:
 
 
 def _average(surrogate: Surrogate) -> str:
-    psnr = surrogate.scores.psnr.get(VIEW, {}).get(GAUSSIANS)
+    psnr = surrogate.scores.psnr.get(VIEW, {}).get(surrogate.representation(VIEW))
     return "" if psnr is None else f"Pictures of runs that training did not see: PSNR {psnr:.1f} dB on average"
 
 

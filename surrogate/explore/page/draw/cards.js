@@ -6,6 +6,7 @@ import { resampled } from "draw/nodes.js";
 import { Order } from "draw/order.js";
 import { averaged } from "draw/samples.js";
 import * as shaders from "draw/shaders.js";
+import { isBytes } from "draw/tensors.js";
 
 const { ACROSS } = shaders, AT_ONCE = 4; // columns of four that a pass writes: WebGL2 promises as many targets
 
@@ -28,9 +29,10 @@ export class Cards {
 
   /** Everything that lies on the card. */
   build() {
-    const { graphics, figure: { columns, embedding, record }, rows, fours, carried } = this, { codes, data } = embedding.latents;
+    const { graphics, figure: { columns, embedding, record }, rows, fours, carried } = this;
+    const { latents: stored } = embedding, codes = isBytes(stored);
     const length = ACROSS * rows, size = Math.ceil(embedding.size / 4);
-    const latents = new (codes ? Uint8Array : Float32Array)(4 * length * Math.max(size, 1)), from = codes ?? data;
+    const latents = new (codes ? Uint8Array : Float32Array)(4 * length * Math.max(size, 1)), from = codes ? stored.codes : stored.data;
     for (let i = 0; i < columns.count; ++i) {
       for (let l = 0; l < embedding.size; ++l) latents[4 * ((l >> 2) * length + i) + (l & 3)] = from[i * embedding.size + l];
     }
@@ -43,7 +45,7 @@ export class Cards {
     };
     this.moved = [];
     for (let first = 0; first < fours; first += AT_ONCE) {
-      const count = Math.min(AT_ONCE, fours - first), what = { first, count, latents: embedding.size, codes: Boolean(codes) };
+      const count = Math.min(AT_ONCE, fours - first), what = { first, count, latents: embedding.size, codes };
       this.moved.push({ program: graphics.program(shaders.deform(what)), target: graphics.target("numbers", ACROSS, rows, count) });
     }
     this.ready = graphics.target("numbers", ACROSS, rows, 4);
@@ -117,7 +119,8 @@ export class Cards {
 
   /** Modes (L + 1, fours, 4) for latents as they are stored: with the steps of codes, and in the last row what their lows add. */
   modesForLatents(modes) {
-    const { embedding: { size, columns, latents: { codes, low, step } } } = this.figure, rows = new Float64Array(4 * this.fours * (size + 1));
+    const { embedding: { size, columns, latents } } = this.figure, { low, step } = latents, codes = isBytes(latents);
+    const rows = new Float64Array(4 * this.fours * (size + 1));
     for (let l = 0; l < size; ++l) {
       for (let c = 0; c < columns; ++c) {
         const mode = modes[l * columns + c];

@@ -1,6 +1,7 @@
 // The embedding network of a bilinear deformation: modes E(p) that all Gaussians share; see surrogate/deformation/bilinear.py.
 
 import { encoded } from "draw/parameters.js";
+import { isBytes } from "draw/tensors.js";
 
 const silu = x => x / (1 + Math.exp(-x));
 
@@ -39,7 +40,7 @@ export const NOTHING = { size: 0, columns: 0, latents: { data: new Float32Array(
 /** Two embeddings as one, whose offsets are the sum of theirs. */
 export function summed(first, second) {
   const columns = Math.max(first.columns, second.columns), both = [first, second], size = first.size + second.size;
-  const count = first.latents.data.length / first.size, coded = both.every(({ latents }) => latents.codes);
+  const count = first.latents.data.length / first.size, coded = both.every(({ latents }) => isBytes(latents));
   const latents = { data: sideBySide(both, Float32Array, "data", count) };
   if (coded) {
     latents.codes = sideBySide(both, Uint8Array, "codes", count);

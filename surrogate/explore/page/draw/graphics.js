@@ -4,7 +4,7 @@ import { ACROSS, WHOLE } from "draw/shaders.js";
 
 const FORMATS = { // internal format, format and type, by their names in WebGL
   numbers: ["RGBA32F", "RGBA", "FLOAT"], single: ["R32F", "RED", "FLOAT"], halves: ["RGBA16F", "RGBA", "HALF_FLOAT"],
-  codes: ["RGBA8UI", "RGBA_INTEGER", "UNSIGNED_BYTE"], order: ["R32UI", "RED_INTEGER", "UNSIGNED_INT"],
+  codes: ["RGBA8UI", "RGBA_INTEGER", "UNSIGNED_BYTE"], marks: ["R8UI", "RED_INTEGER", "UNSIGNED_BYTE"], order: ["R32UI", "RED_INTEGER", "UNSIGNED_INT"],
 };
 
 export class Graphics {
@@ -37,6 +37,24 @@ export class Graphics {
     return texture;
   }
 
+  /** A data texture of all texels of `data`, `ACROSS` a row. */
+  packed(format, data) {
+    const channels = format === "numbers" ? 4 : 1, count = data.length / channels, rows = Graphics.rows(count);
+    const whole = new data.constructor(channels * ACROSS * rows);
+    whole.set(data);
+    return this.texture(format, ACROSS, rows, whole);
+  }
+
+  /** A data texture in space, of a size (3,), with `data`. */
+  volume(format, size, data) {
+    const { gl } = this, [internal, layout, type] = FORMATS[format].map(name => gl[name]), texture = gl.createTexture();
+    gl.bindTexture(gl.TEXTURE_3D, texture);
+    gl.pixelStorei(gl.UNPACK_ALIGNMENT, 1);
+    gl.texImage3D(gl.TEXTURE_3D, 0, internal, ...size, 0, layout, type, data);
+    for (const filter of ["TEXTURE_MIN_FILTER", "TEXTURE_MAG_FILTER"]) gl.texParameteri(gl.TEXTURE_3D, gl[filter], gl.NEAREST);
+    return texture;
+  }
+
   /** Write other data into a texture of the same size. */
   write(texture, format, width, height, data) {
     const { gl } = this, [, layout, type] = FORMATS[format].map(name => gl[name]);
@@ -44,8 +62,8 @@ export class Graphics {
     gl.texSubImage2D(gl.TEXTURE_2D, 0, 0, 0, width, height, layout, type, data);
   }
 
-  /** A target of `count` textures. */
-  target(format, width, height, count = 1) {
+  /** A target of `count` textures, perhaps with depths. */
+  target(format, width, height, count = 1, depths = false) {
     const { gl } = this, frame = gl.createFramebuffer();
     gl.bindFramebuffer(gl.FRAMEBUFFER, frame);
     const textures = Array.from({ length: count }, (_, k) => {
@@ -54,6 +72,11 @@ export class Graphics {
       return texture;
     });
     gl.drawBuffers(textures.map((_, k) => gl.COLOR_ATTACHMENT0 + k));
+    if (depths) {
+      gl.bindRenderbuffer(gl.RENDERBUFFER, gl.createRenderbuffer());
+      gl.renderbufferStorage(gl.RENDERBUFFER, gl.DEPTH_COMPONENT32F, width, height);
+      gl.framebufferRenderbuffer(gl.FRAMEBUFFER, gl.DEPTH_ATTACHMENT, gl.RENDERBUFFER, gl.getParameter(gl.RENDERBUFFER_BINDING));
+    }
     if (gl.checkFramebufferStatus(gl.FRAMEBUFFER) !== gl.FRAMEBUFFER_COMPLETE) throw new Error(`no target of ${format}`);
     return { frame, textures, width, height, format };
   }
@@ -87,16 +110,17 @@ export class Graphics {
 
   /** Draw with a program into a target, the canvas where it is null: textures and numbers by the names of its uniforms. */
   run({ program, uniforms }, target, values, draw = gl => gl.drawArrays(gl.TRIANGLES, 0, 3)) {
-    const { gl, canvas } = this;
+    const { gl, canvas } = this, samplers = { [gl.SAMPLER_2D]: gl.TEXTURE_2D, [gl.UNSIGNED_INT_SAMPLER_2D]: gl.TEXTURE_2D,
+      [gl.SAMPLER_3D]: gl.TEXTURE_3D, [gl.UNSIGNED_INT_SAMPLER_3D]: gl.TEXTURE_3D };
     gl.bindFramebuffer(gl.FRAMEBUFFER, target?.frame ?? null);
     gl.viewport(0, 0, target?.width ?? canvas.width, target?.height ?? canvas.height);
     gl.useProgram(program);
     let unit = 0;
     for (const [name, { type, at }] of uniforms) {
       const value = values[name];
-      if (type === gl.SAMPLER_2D || type === gl.UNSIGNED_INT_SAMPLER_2D) {
+      if (type in samplers) {
         gl.activeTexture(gl.TEXTURE0 + unit);
-        gl.bindTexture(gl.TEXTURE_2D, value);
+        gl.bindTexture(samplers[type], value);
         gl.uniform1i(at, unit++);
       } else if (type === gl.INT) gl.uniform1i(at, value);
       else if (type === gl.FLOAT) gl.uniform1f(at, value);

@@ -3,8 +3,9 @@
 
 export const ACROSS = 1024;
 
-const HEAD = `#version 300 es
+export const HEAD = `#version 300 es
 precision highp float; precision highp int; precision highp sampler2D; precision highp usampler2D;
+precision highp sampler3D; precision highp usampler3D;
 const int ACROSS = ${ACROSS};
 ivec2 texel(int i) { return ivec2(i % ACROSS, i / ACROSS); }
 `;

@@ -20,26 +20,35 @@ export function parsed(bytes) {
   return stored;
 }
 
-/** The tensors that these decode to, by name: {shape, data}; those of 8 bits keep their `codes` with `low` and `step` of a column. */
+/** The tensors that these decode to, by name: {shape, data}; those of levels keep their `codes` with `low` and `step` of a column. */
 export function decoded(stored) {
   const tensors = new Map();
   for (const [name, tensor] of stored) {
     if (!name.includes("/")) tensors.set(name, { shape: tensor.shape, data: tensor.data });
     if (!name.endsWith("/codes")) continue;
     const own = name.slice(0, -"/codes".length), low = stored.get(`${own}/low`), step = stored.get(`${own}/step`);
-    tensors.set(own, low ? levels(tensor, low.data, step.data) : { shape: tensor.shape, data: halves(tensor.data) });
+    tensors.set(own, low ? levels({ shape: tensor.shape, codes: tensor.data, low: low.data, step: step.data }) : { shape: tensor.shape, data: halves(tensor.data) });
   }
   return tensors;
 }
 
-function levels({ shape, type, data: codes }, low, step) {
+/** A tensor of levels, whose numbers are computed when they are first asked for. */
+function levels({ shape, codes, low, step }) {
+  let numbers = null;
+  return { shape, codes, low, step, get data() { return numbers ??= numbersOf(codes, low, step); } };
+}
+
+function numbersOf(codes, low, step) {
   const columns = low.length, data = new Float32Array(codes.length);
   for (let i = 0, column = 0; i < codes.length; ++i) {
     data[i] = Math.fround(low[column] + Math.fround(codes[i] * step[column]));
     if (++column === columns) column = 0;
   }
-  return type === "U8" ? { shape, data, codes, low, step } : { shape, data };
+  return data;
 }
+
+/** True of a tensor whose codes have 8 bits. */
+export const isBytes = ({ codes }) => codes instanceof Uint8Array;
 
 /** Numbers of half precision (IEEE 754-2008, binary16). */
 function halves(bits) {

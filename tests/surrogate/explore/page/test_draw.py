@@ -114,7 +114,7 @@ def test_what_is_shown_is_the_picture_in_8_bits(
     place = (CENTER + EXTENT * np.array([0.0, -2.5, 0.5])).tolist()
     seen = {"position": place, "target": CENTER.tolist(), "up": [0.0, 0.0, 1.0], "field": 40.0}
     parameters = surrogate.space.middle
-    setting = {"parameters": parameters, "visualization": {}, "color_map": "", "using": engine, **look}
+    setting = {"parameters": parameters, "visualization": {}, "color_map": "", "using": f"gaussians-{engine}", **look}
     request = {"settings": [setting], "camera": seen, "size": [SIDE, SIDE - 8], "background": "#336699", "form": "png"}
     found = np.reshape(page.evaluate(script, request), (SIDE - 8, SIDE, 4))[..., :3]
     camera = Camera.look_at(place, CENTER, vertical_fov_degrees=40.0, width=SIDE, height=SIDE - 8)
@@ -180,7 +180,7 @@ def test_what_others_put_into_a_page_does_not_run(page: Page, tmp_path: Path, co
 def test_what_a_page_cannot_draw_is_refused() -> None:
     made = colored()
     empty = replace(made, gaussians=made.gaussians.of(torch.zeros(0, dtype=torch.int64)))
-    with pytest.raises(ValueError, match="this surrogate has none: explore the run"):
+    with pytest.raises(ValueError, match="hold neither: explore the run"):
         page_bytes(Run("a run", empty))
 
 
