@@ -31,7 +31,7 @@ def field_of_page(surrogate: Surrogate, modes: int | None) -> FieldModel | None:
     field = surrogate.field
     if field is None or modes == 0:
         return None
-    if not all(isinstance(a, VolumeRendering | Isosurface) for a in _shown(field).values()):
+    if not all(isinstance(a, VolumeRendering | Isosurface) for a in _page_appearances(field).values()):
         return None
     kinds = (VIEW, *(v.kind for v in surrogate.variations))
     best = FIELD in {surrogate.representation(kind) for kind in kinds}
@@ -69,27 +69,29 @@ def _first(encoding: Encoding, count: int) -> Encoding:
     return replace(encoding, codes=codes, low=encoding.low[:count], step=encoding.step[:count])
 
 
-def _shown(field: FieldModel) -> Mapping[str, Appearance]:
+def _page_appearances(field: FieldModel) -> Mapping[str, Appearance]:
     """The appearances that a page may show: by name, "" for the isosurface of any isovalue."""
-    shown = {field.appearances[0].name: field.appearances[0]}
+    appearances = {field.appearances[0].name: field.appearances[0]}
     for variation in field.variations:
         if variation.continuous and not variation.edits_base:
-            shown[""] = variation.appearance_at(variation.settings[0].values, field.appearances)
+            appearances[""] = variation.appearance_at(variation.settings[0].values, field.appearances)
         elif not variation.continuous:
-            shown |= {a.name: a for a in field.appearances if variation.setting(a.name)}
-    return shown
+            appearances |= {a.name: a for a in field.appearances if variation.setting(a.name)}
+    return appearances
 
 
 def _appearances(field: FieldModel) -> dict[str, Any]:
-    """What draws the fields: appearances with the numbers of their fields, distances along rays, and constants."""
+    """All that draws the fields: appearances with the numbers of their fields, distances along rays, and constants."""
     numbers = {name: number for number, name in enumerate(field.emulators)}
-    shown = {name: appearance_to_json(a) | {"number": numbers[field_of(a)]} for name, a in _shown(field).items()}
-    surface, base = shown.pop("", None), shown[field.appearances[0].name]
+    records = {
+        name: appearance_to_json(a) | {"number": numbers[field_of(a)]} for name, a in _page_appearances(field).items()
+    }
+    surface, base = records.pop("", None), records[field.appearances[0].name]
     return {
         "base": base,
         "surface": surface,
-        "named": shown,
-        "distances": {name: distance for name, distance in field.sample_distances.items() if name in shown},
+        "named": records,
+        "distances": {name: distance for name, distance in field.sample_distances.items() if name in records},
         "camera": first_camera(field.normalization, SIDE).to_json(),
         "cases": CASES,
         "headlight": HEADLIGHT,
