@@ -38,6 +38,7 @@ RECORD, VERSION = "survey", 1
 POINTS = 128
 LEAST_OPEN = 1e-9  # whose logarithm is still looked at
 NAMES = ("points", "lengths", "noises")
+SAME = 1e-6  # dB
 TINY = 1e-300
 SEED = 0
 
@@ -72,7 +73,7 @@ class Expectation:
         columns = np.column_stack([np.ones(len(points)), np.log(shares)])  # [N, 1 + S]
         slopes = np.linalg.lstsq(columns, expected, rcond=None)[0]
         rest = expected - columns @ slopes
-        process = Processes.fit(points, (rest - rest.mean())[:, None])
+        process = _process_through(points, rest - rest.mean())
         off = float(np.quantile(np.abs(process.left_out()), SHARE))
         return cls(float(slopes[0] + rest.mean()), slopes[1:], process, math.hypot(half, off), share, source)
 
@@ -149,6 +150,14 @@ class Survey:
         whole = {"opens": opens, "like": self.like, "between": self.between, "expectations": each}
         short: dict[str, Any] = _shortened(whole)
         return short
+
+
+def _process_through(points: Array, values: Array) -> Processes:
+    """One process through `values` (N,) at `points` (N, P); of values that are all the same, one that says so."""
+    if np.abs(values).max() > SAME:
+        return Processes.fit(points, values[:, None])
+    one, noise = np.ones((1, points.shape[1])), np.ones(1)
+    return Processes(points, np.zeros((len(points), 1)), one, noise, np.zeros(1, np.int64))
 
 
 def _opens(doubt: Doubt) -> tuple[ProcessOpinions, ...]:

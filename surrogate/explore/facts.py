@@ -15,8 +15,9 @@
     background     "#rrggbb" that the training images stand on; null where they have alpha
     size           [width, height] of the training images; null without a catalog
     truth          whether there is a catalog whose pictures can be shown
-    model          {gaussians, megabytes, seconds, representations: [{name, words, megabytes, milliseconds}]}: those that can draw,
-                   `megabytes` of each as stored and `milliseconds` of a picture, null where nobody measured it
+    model          {gaussians, megabytes, chosen, seconds, representations: [{name, words, megabytes, milliseconds}]}: those that
+                   can draw, of which one is `chosen`, `megabytes` of each as stored and `milliseconds` of a picture, null where
+                   nobody measured it
 
 A label names the field, with its unit; "" where nothing is known of it.  Where the inner control points of the base
 `function` were varied, `points` are the places of their four numbers; `free` says that any other function can be drawn.
@@ -51,7 +52,7 @@ from surrogate.explore.run import Run
 from surrogate.explore.setting import base_function
 from surrogate.model import Surrogate
 from surrogate.model.places import limits
-from surrogate.model.representation import WORDS
+from surrogate.model.representation import VIEW, WORDS
 from surrogate.notebook import first_camera
 
 MOST_TICKS, MOST_MEMBERS, MOST_SUMMARIES = 300, 5000, 200
@@ -87,6 +88,7 @@ def facts(run: Run) -> Json:
         "model": {
             "gaussians": len(surrogate.gaussians),
             "megabytes": surrogate.megabytes,
+            "chosen": surrogate.representation(VIEW),
             "seconds": surrogate.training.get("seconds"),
             "representations": [
                 {"name": n, "words": WORDS[n], "megabytes": size, "milliseconds": surrogate.scores.milliseconds.get(n)}

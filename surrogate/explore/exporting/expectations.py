@@ -34,12 +34,13 @@ class Expectations:
         return cls(doubt, Survey.of(doubt, run.catalog, run.cameras, run.folder, progress))
 
     def to_json(self) -> dict[str, Any]:
-        """JSON values: the survey, the stored views and what training showed, each null where it is not known."""
+        """JSON values: the survey, the stored views and what training showed, each null where it is not known; a `sentence` why."""
         if self.doubt is None or self.survey is None:
-            return {"survey": None, "views": None, "seen": None}
+            return {"survey": None, "views": None, "seen": None, "sentence": self.why}
         views, values = self.doubt.views, self.doubt.seen_values
         names = ("edges", "frequency", "extinctions")
         return {
+            "sentence": "",
             "survey": self.survey.to_json(),
             "views": None if views is None else views.to_json(),
             "seen": None if values is None else {name: getattr(values, name).tolist() for name in names},

@@ -79,7 +79,7 @@ def page_bytes(run: Run, expected: Expectations | None = None, modes: int | None
             "`surrogate explore RUN` instead"
         )
     whole = stored_form(surrogate) if len(surrogate.gaussians) else None
-    content = _content(run, whole, emulation, expected or Expectations())
+    content = _content(run, whole, emulation, expected or Expectations(why=_average(surrogate)))
     modules = _modules()
     imports = {name: f"data:text/javascript;base64,{_base64(text.encode())}" for name, text in modules.items()}
     map_of_them = json.dumps({"imports": imports}, separators=(",", ":"))  # as `JSON.stringify` writes it
@@ -136,7 +136,7 @@ def _content(
         },
         "megabytes": sizes,
         "best": {kind: surrogate.representation(kind) for kind in KINDS},
-        "expected": expected.to_json() | {"sentence": expected.why or _average(surrogate)},
+        "expected": expected.to_json(),
     }
 
 

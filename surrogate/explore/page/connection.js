@@ -82,6 +82,18 @@ function find(pause) {
 
 export const facts = () => call("facts");
 
+/** What to expect all over the parameters, as a page alone holds it, once it is measured: { survey, views, seen, sentence }. */
+export async function survey() {
+  for (;;) {
+    const answer = await call("survey").catch(error => {
+      if (error instanceof Gone) return {};
+      throw error;
+    });
+    if (answer.survey || answer.sentence) return answer;
+    await new Promise(resolve => { setTimeout(resolve, LATEST); });
+  }
+}
+
 /** An answer with pictures; throws an Error that says in a sentence why there is none. */
 export const frame = request => call("frame", request);
 

@@ -9,6 +9,7 @@ import { cameraOf, rounded } from "./orbit.js";
 import { build, plan } from "./panes.js";
 import { comparePanel, displayPanel, modelPanel, parameterPanel, sweepPanel, viewPanel, visualizationPanel } from "./panels.js";
 import { decoded, paint, sizeFor, squareOf } from "./pictures.js";
+import { runsPanel } from "./runs.js";
 import { current, messageOf, pointsOf, possibleSweep } from "./state.js";
 import { Steps } from "./steps.js";
 import { Stream } from "./stream.js";
@@ -86,7 +87,7 @@ class Explorer {
     const { state } = this, swept = state.mode === "sweep" ? [state.sweep.name, state.sweep.second] : [];
     markTab(this.tabs, `mode-${state.mode}`);
     document.getElementById("stage-panel").setAttribute("aria-labelledby", `mode-${state.mode}`);
-    this.controls = [parameterPanel(this, swept), visualizationPanel(this, swept)].filter(Boolean);
+    this.controls = [parameterPanel(this, swept), runsPanel(this), visualizationPanel(this, swept)].filter(Boolean);
     const parts = [
       state.mode === "compare" && comparePanel(this), state.mode === "sweep" && sweepPanel(this),
       ...this.controls.map(panel => panel.box), viewPanel(this), displayPanel(this), exportPanel(this), modelPanel(this),
@@ -118,6 +119,12 @@ class Explorer {
     Object.assign(this.state, values);
     this.state.sweep = possibleSweep(this.state, this.facts);
     if (this.arrangement !== arrangementOf(this.state)) this.arrange();
+    this.refresh();
+    this.changed();
+  }
+
+  /** A control has changed the setting: the others follow. */
+  moved() {
     this.refresh();
     this.changed();
   }

@@ -13,8 +13,7 @@ export function parameterPanel(explorer, swept) {
   const { facts } = explorer;
   const sliders = facts.parameters.map((p, i) => slider(p, `parameter-${i}`, value => {
     current(explorer.state).parameters[p.name] = value;
-    members?.set(current(explorer.state));
-    explorer.changed();
+    explorer.moved();
   }));
   sliders.forEach(({ box }, i) => { box.hidden = swept.includes(facts.parameters[i].name); });
   const alone = facts.parameters.every(p => swept.includes(p.name));

@@ -25,6 +25,7 @@ from catalogs.store.catalog import CatalogError
 from catalogs.web import ASSETS
 from catalogs.web.access import LOCAL, Access
 from surrogate.answers.doubt import Doubt
+from surrogate.explore.exporting.expectations import Expectations
 from surrogate.explore.exporting.exports import Export, exported
 from surrogate.explore.facts import facts
 from surrogate.explore.request import frame_request
@@ -58,6 +59,7 @@ class Explorer:
         undoubted = "" if run.catalog else "without its catalog nobody can say how far off a picture is"
         self.frames = Frames(run.surrogate, Truth.of(run), undoubted=undoubted)
         self._facts = facts(run)
+        self._expectations = Expectations(why=undoubted)
         # Torch's own operations are small, and its threads spin while they wait: those of several tabs for each other.
         alone: dict[str, Any] = {"initializer": torch.set_num_threads, "initargs": (1,)}
         self._drawing = ThreadPoolExecutor(DRAWING_THREADS, thread_name_prefix="draw", **alone)
@@ -120,10 +122,12 @@ class Explorer:
             return
         try:
             self.frames.doubt = Doubt.of(self.run.surrogate, self.run.catalog, self.run.folder, go_on)
+            self._expectations = Expectations.of(self.run, self.frames.doubt, go_on)
         except InterruptedError:
             pass
         except (CatalogError, ValueError, OSError) as error:
             self.frames.undoubted = str(error)
+            self._expectations = Expectations(why=str(error))
             log.warning("what error to expect can't be measured: %s", error)
 
     def _application(self) -> web.Application:
@@ -132,6 +136,7 @@ class Explorer:
         calls: dict[str, Call] = {
             "facts": lambda _: self._facts,
             "frame": lambda request: frames.answer(frame_request(request, surrogate, origins)),
+            "survey": lambda _: self._expectations.to_json(),
             "nearest": lambda request: {"found": frames.nearest(frame_request(request, surrogate, origins))},
         }
         sockets = Sockets(calls, self._drawing)

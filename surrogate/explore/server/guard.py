@@ -18,7 +18,9 @@ LONGEST_PATH = 255  # characters; file systems fail at longer names, and nothing
 
 def _own_scripts() -> str:
     """The scripts that stand in the page itself, as a content security policy names them."""
-    scripts = re.findall(r"<script>(.*?)</script>", (PAGE / "index.html").read_text(encoding="utf-8"), re.DOTALL)
+    scripts = re.findall(
+        r'<script(?: type="importmap")?>(.*?)</script>', (PAGE / "index.html").read_text(encoding="utf-8"), re.DOTALL
+    )
     return " ".join(f"'sha256-{b64encode(sha256(text.encode()).digest()).decode()}'" for text in scripts)
 
 

@@ -5,18 +5,13 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 from click.testing import CliRunner
 
-import insitu
 from catalogs.files.images import read_image
 from catalogs.store.catalog import Catalog
-from catalogs.vocabulary.appearance import VolumeRendering
-from catalogs.vocabulary.parameters import Parameter, ParameterSpace
-from catalogs.vocabulary.scene import ViewPlan
 from surrogate.answers.doubt import BETWEEN, FAR, FILE, LIKE, NEVER, Doubt
 from surrogate.answers.maps import error_map
 from surrogate.answers.unseen import of_emulator
@@ -25,33 +20,15 @@ from surrogate.evaluation.metrics import WHITE, composite, psnr
 from surrogate.explore.run import Run
 from surrogate.model import Surrogate
 from surrogate.training.run import train
-from tests.support.finished_runs import SETTINGS, finish
-from tests.support.hooked import FUNCTION, blob
-
-TRAINED = np.linspace(0.0, 1.0, 14)
-VALIDATED, TESTED = (0.11, 0.34, 0.57, 0.81), (0.04, 0.2, 0.42, 0.5, 0.65, 0.73, 0.88, 0.96)
-SIDE = 12
-
-
-def moving(p: float) -> Any:
-    """A field that changes ever faster with p: hard to predict where p is large."""
-    wave = np.sin(np.linspace(0.0, 9.0, SIDE) + 12.0 * p**3)
-    return (blob(size=SIDE) * (0.7 + 0.3 * wave)).astype(np.float32)
+from tests.support.accelerating import run_in
+from tests.support.finished_runs import SETTINGS
+from tests.support.hooked import FUNCTION
 
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A run whose catalog lies beside its surrogate."""
-    folder = tmp_path_factory.mktemp("run")
-    space = ParameterSpace((Parameter("p", 0.0, 1.0),))
-    views = ViewPlan(frequency=1, width=32, height=32)
-    with insitu.Session(
-        folder / "catalog.cdb", space=space, appearances=[VolumeRendering("dvr", FUNCTION)], views=views
-    ) as session:
-        for split, values in (("train", TRAINED), ("validation", VALIDATED), ("test", TESTED)):
-            for p in values:
-                session.render_member(moving(p), {"p": float(p)}, spacing=(1.1 / (SIDE - 1),) * 3, split=split)
-    return finish(folder, only_field=True)
+    return run_in(tmp_path_factory.mktemp("run"))
 
 
 @pytest.fixture(scope="module")

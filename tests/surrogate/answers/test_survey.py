@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from catalogs.store.catalog import Catalog
 from surrogate.answers.doubt import Doubt
 from surrogate.answers.survey import FILE, POINTS, Expectation, Survey
-from surrogate.model import Surrogate
+from surrogate.explore.run import Run
+from tests.support.accelerating import run_in
 
 
 def test_an_expectation_finds_slopes_and_what_they_leave() -> None:
@@ -42,15 +42,20 @@ def test_what_is_off_between_points_widens_the_interval() -> None:
     assert noisy.half == pytest.approx(np.hypot(3.0, 2.0 * 1.64), rel=0.2)  # 90 % of a normal distribution
 
 
-@pytest.fixture(scope="module")
-def doubt(surrogate_of_three: Surrogate, catalog_of_three: Catalog) -> Doubt:
-    return Doubt.of(surrogate_of_three, catalog_of_three)
+def test_an_expectation_may_be_the_same_everywhere() -> None:
+    points, shares = np.random.default_rng(0).uniform(-1, 1, (128, 3)), np.full((128, 1), 0.5)
+    one = Expectation.of(points, shares, np.full(128, 37.0), 3.0, 0.89, "")
+    assert one.at(points[0], shares[0]) == pytest.approx(37.0, abs=1e-6)
+    assert one.half == pytest.approx(3.0, abs=1e-6)
 
 
 @pytest.mark.slow
-def test_a_survey_says_about_what_the_doubt_says(doubt: Doubt, catalog_of_three: Catalog, tmp_path: Path) -> None:
-    cameras, space, counts = catalog_of_three.plan.cameras, doubt.surrogate.space, []
-    survey = Survey.of(doubt, catalog_of_three, cameras, tmp_path, lambda *one: counts.append(one))
+def test_a_survey_says_about_what_the_doubt_says(tmp_path: Path) -> None:
+    run = Run.open(run_in(tmp_path))
+    assert run.catalog is not None
+    catalog, doubt = run.catalog, Doubt.of(run.surrogate, run.catalog)
+    cameras, space, counts = run.cameras, doubt.surrogate.space, []
+    survey = Survey.of(doubt, catalog, cameras, tmp_path, lambda *one: counts.append(one))
     assert counts[-1][1:] == (POINTS, POINTS)
     random, off = np.random.default_rng(1), []
     for _ in range(30):
@@ -59,16 +64,17 @@ def test_a_survey_says_about_what_the_doubt_says(doubt: Doubt, catalog_of_three:
         asked = doubt.at(parameters, using="field").interval(cameras[0])
         assert asked.psnr is not None
         off.append(abs(survey.expected(point, "field") - asked.psnr))
+    assert np.std([survey.expected(np.array([p]), "field") for p in np.linspace(-1, 1, 9)]) > 0.5  # it varies
     half, calibrated = survey.expectations["field"].half, doubt.calibrations["view field"].half
     assert np.quantile(off, 0.8) <= np.sqrt(half**2 - calibrated**2)
-    with pytest.raises(KeyError):  # two validation members calibrate no Gaussians
+    with pytest.raises(KeyError):  # there are none
         survey.expected(np.zeros(len(space)), "gaussians")
 
     counts.clear()
-    again = Survey.of(doubt, catalog_of_three, cameras, tmp_path, lambda *one: counts.append(one))
+    again = Survey.of(doubt, catalog, cameras, tmp_path, lambda *one: counts.append(one))
     assert counts == []  # it was kept
     point = np.full(len(space), 0.3)
     assert again.expected(point, "field") == survey.expected(point, "field")
     (tmp_path / FILE).write_text((tmp_path / FILE).read_text().replace('"slopes"', '"slops"'))
-    Survey.of(doubt, catalog_of_three, cameras, tmp_path, lambda *one: counts.append(one))
+    Survey.of(doubt, catalog, cameras, tmp_path, lambda *one: counts.append(one))
     assert counts  # damage is measured anew
