@@ -74,9 +74,9 @@ def facts(run: Run) -> Json:
         "parameters": [_parameter(p, members) for p in surrogate.space.parameters],
         "variations": _variations(run),
         "histogram": _histogram(
-            _base_field(surrogate, catalog), members, None if base is None else _scale(surrogate, base)
+            _base_field(surrogate, catalog), members, None if base is None else value_scale(surrogate, base)
         ),
-        "box": _box(run),
+        "box": box_of(run),
         "camera": _first_orbit(run),
         "members": [
             {"name": m.name, "split": m.split, "values": [m.parameters[name] for name in surrogate.space.names]}
@@ -134,7 +134,7 @@ def _variations(run: Run) -> list[Json]:
     return [one for one in [*(_variation(run, v) for v in variations), *others] if one]
 
 
-def _box(run: Run) -> list[list[float]]:
+def box_of(run: Run) -> list[list[float]]:
     """The lowest and the highest corner of what is shown, (2, 3) world units."""
     if run.catalog is not None:
         return np.asarray(run.catalog.plan.bounds, np.float64).tolist()
@@ -151,10 +151,10 @@ def _variation(run: Run, variation: Variation) -> Json | None:
     (parameter,) = variation.space.parameters
     marks = _marks([(s.split, s.values[0]) for s in variation.settings])
     bounds = {name: value for name, value in _bounds(parameter).items() if name != "name"}
-    return {"kind": variation.kind, "label": _label(run, variation.settings[0].appearance), **bounds, **marks}
+    return {"kind": variation.kind, "label": label_of(run, variation.settings[0].appearance), **bounds, **marks}
 
 
-def _label(run: Run, appearance: str) -> str:
+def label_of(run: Run, appearance: str) -> str:
     """The name and the unit of the field that an appearance shows; "" where nothing is known."""
     match = _appearance(appearance, run.catalog)
     return "" if match is None or run.catalog is None else run.catalog.plan.field_label(field_of(match))
@@ -165,7 +165,7 @@ def _functions(run: Run, variation: Variation | None = None) -> Json | None:
     recolorable, base = base_function(run.surrogate), run.base_function
     if base is None or (variation is None and recolorable is None):
         return None
-    label = _label(run, run.surrogate.base_appearance if variation is None else variation.base)
+    label = label_of(run, run.surrogate.base_appearance if variation is None else variation.base)
     parameters = () if variation is None else variation.space.parameters
     ends, unit = (base.opacity_points[0][0], base.opacity_points[-1][0]), re.fullmatch(r".*\((.*)\)", label)
     maps = NAMES if recolorable is not None else ()
@@ -176,12 +176,12 @@ def _functions(run: Run, variation: Variation | None = None) -> Json | None:
         "free": recolorable is not None,
         "points": [_point(p, run.origins[p.name], ends) for p in parameters],
         "function": record_of_function(base),
-        "knots": _scale(run.surrogate, base).to_json(),
+        "knots": value_scale(run.surrogate, base).to_json(),
         "color_maps": [{"name": name, "points": color_points(name, 0.0, 1.0)} for name in maps],
     }
 
 
-def _scale(surrogate: Surrogate, base: TransferFunction) -> ValueScale:
+def value_scale(surrogate: Surrogate, base: TransferFunction) -> ValueScale:
     """The scale that the model has for values under the base transfer function."""
     if isinstance(surrogate.gaussians, FieldGaussians):
         return surrogate.gaussians.field.scale

@@ -29,6 +29,9 @@ FUNCTION = click.option(
     type=click.Path(exists=True, dir_okay=False, path_type=Path),
     help="A transfer function in JSON, as the explorer copies it, instead of the base.",
 )
+ANNOTATE = click.option(
+    "--annotate", is_flag=True, help="Write title, settings, legend, box with ticks and axes into a PNG, GIF or MP4."
+)
 USING = click.option(
     "--using",
     default="",
@@ -46,6 +49,7 @@ SIZE = click.option(
 @PARAMETERS
 @COLOR_MAP
 @FUNCTION
+@ANNOTATE
 @USING
 @VIEW
 @SIZE
@@ -107,6 +111,7 @@ def export(run: Path, output: Path, **options: Any) -> None:
 @PARAMETERS
 @COLOR_MAP
 @FUNCTION
+@ANNOTATE
 @USING
 @VIEW
 @SIZE

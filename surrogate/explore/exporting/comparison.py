@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -24,11 +24,12 @@ def comparison(
     *,
     background: Sequence[float],
     record: Mapping[str, Any] | None = None,
+    over: Callable[[NDArray[np.float32]], NDArray[np.float32]] = lambda image: image,
 ) -> bytes:
     """A PNG of two images of one size, (H, W, 3), and of their absolute difference.
 
     `words` stand above each of the two, a paragraph each; the difference has its numbers above and its scale below.  Raises
-    ValueError for images of two sizes.
+    ValueError for images of two sizes.  `over` draws over both of them.
     """
     difference = difference_of(first, second)
     height, width = first.shape[:2]
@@ -52,7 +53,9 @@ def comparison(
     start, stop = left + round(length(f"{ends[0]} ", size)), left + width - round(length(f" {ends[1]}", size))
     entries = np.linspace(0, ENTRIES - 1, max(1, stop - start)).astype(int)
     bar = np.broadcast_to(color_table()[entries], (BAR, len(entries), 3))
-    images = [((x, above), image) for x, image in zip(lefts, (first, second, difference.picture), strict=True)]
+    images = [
+        ((x, above), image) for x, image in zip(lefts, (over(first), over(second), difference.picture), strict=True)
+    ]
     images.append(((start, top + (line - BAR) // 2), bar))
     texts += [((left, top + line / 2), ends[0], "lm"), ((left + width, top + line / 2), ends[1], "rm")]
     sheet = composed((gap + 3 * (column + gap), top + line), background, images, texts, size)

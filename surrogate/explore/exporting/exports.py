@@ -20,17 +20,19 @@ from catalogs.vocabulary.words import joined_names
 from surrogate.answers.doubt import Doubt, Interval
 from surrogate.emulation.exports import vti_bytes
 from surrogate.evaluation.metrics import WHITE, composite
+from surrogate.explore.exporting.annotations import PARTS
 from surrogate.explore.exporting.comparison import comparison
 from surrogate.explore.exporting.expectations import Expectations
 from surrogate.explore.exporting.films import film_bytes
 from surrogate.explore.exporting.kinds import FILM_STEPS, FRAMES_PER_SECOND, KINDS
+from surrogate.explore.exporting.marks import all_annotated, annotated, annotations_of
 from surrogate.explore.exporting.naming import file_name
 from surrogate.explore.exporting.page import page_bytes, page_contents
 from surrogate.explore.exporting.pictures import encode, record_for
 from surrogate.explore.exporting.ply import ply_bytes
 from surrogate.explore.exporting.sheets import captioned, strip
 from surrogate.explore.exporting.snippet import snippet
-from surrogate.explore.exporting.sweep import Axis, Sweep, axis_of, pictures
+from surrogate.explore.exporting.sweep import Axis, Sweep, axis_of, pictures, settings
 from surrogate.explore.request import Color, MessageError, frame_request
 from surrogate.explore.run import Run
 from surrogate.explore.setting import Setting, listed
@@ -50,11 +52,20 @@ class PictureRequest:
     camera: Camera
     background: Color | None = None
     form: Literal["png", "exr"] = "png"
+    annotations: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        if self.annotations and self.form == "exr":
+            raise ValueError("an EXR keeps the picture alone, without annotations: make a PNG")
 
     def content(self, run: Run, progress: Progress, doubt: Doubt | None = None) -> bytes:
         image = self.setting.member(run.surrogate).render(self.camera, background=self.background)
         expected = self.expected(run, doubt)
         record = record_for(run.surrogate, self.setting, self.camera, self.background, expected)
+        if self.annotations:
+            record["annotations"] = list(self.annotations)
+            said = annotations_of(run, self.setting, self.annotations)
+            image = annotated(image, said, self.camera, self.background)
         return encode(image if self.background is None else image[..., :3], self.form, record=record)
 
     def expected(self, run: Run, doubt: Doubt | None) -> Interval | None:
@@ -136,6 +147,7 @@ class ComparisonRequest:
     camera: Camera
     other: Setting | None
     background: Color = WHITE
+    annotations: tuple[str, ...] = ()
 
     def content(self, run: Run, progress: Progress, doubt: Doubt | None = None) -> bytes:
         first = self._render(self.setting, run)
@@ -149,11 +161,16 @@ class ComparisonRequest:
         record = record_for(run.surrogate, self.setting, self.camera, self.background)
         if self.other is not None:
             record["other"] = record_for(run.surrogate, self.other, self.camera, self.background)
-        return comparison(first, second, words, background=self.background, record=record)
+        return comparison(first, second, words, over=self._over(run), background=self.background, record=record)
 
     def summary(self, run: Run) -> str:
         other = "its stored picture" if self.other is None else self.other.described(run.origins)
         return f"{self.setting.described(run.origins)} beside {other}"
+
+    def _over(self, run: Run) -> Callable[[NDArray[np.float32]], NDArray[np.float32]]:
+        """What is drawn over both pictures, once their difference is known: the box alone, for words stand beside them."""
+        said = annotations_of(run, self.setting, [part for part in self.annotations if part == "box"])
+        return lambda image: annotated(image, said, self.camera, self.background) if said.parts else image
 
     def _render(self, setting: Setting, run: Run) -> NDArray[np.float32]:
         return setting.member(run.surrogate).render(self.camera, background=self.background)[..., :3]
@@ -183,9 +200,12 @@ class SheetRequest:
     sweep: Sweep
     camera: Camera
     background: Color = WHITE
+    annotations: tuple[str, ...] = ()
 
     def content(self, run: Run, progress: Progress, doubt: Doubt | None = None) -> bytes:
         images = pictures(self.sweep, run.surrogate, self.camera, self.background, progress=progress)
+        parts = [part for part in self.annotations if part in ("box", "axes")]  # the sheet says the rest
+        images = all_annotated(images, run, settings(self.sweep), parts, self.camera, self.background)
         record = record_for(run.surrogate, self.sweep.base, self.camera, self.background)
         return strip(self.sweep, images, background=self.background, record=record)
 
@@ -204,6 +224,7 @@ class FilmRequest:
     frames_per_second: float = FRAMES_PER_SECOND
     there_and_back: bool = False
     caption: bool = True
+    annotations: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         if self.sweep.rows is not None:
@@ -211,6 +232,8 @@ class FilmRequest:
 
     def content(self, run: Run, progress: Progress, doubt: Doubt | None = None) -> bytes:
         images = pictures(self.sweep, run.surrogate, self.camera, self.background, progress=progress)
+        parts = self.annotations
+        images = all_annotated(images, run, settings(self.sweep), parts, self.camera, self.background)
         return film_bytes(
             self.form,
             captioned(images, self.sweep, background=self.background) if self.caption else images,
@@ -265,12 +288,13 @@ def from_message(message: Any, run: Run) -> Request:
         return FieldsRequest(frame.settings[0])
     if kind == "python":
         return CodeRequest(*arguments)
+    parts = _annotations(message.get("annotations"))
     if kind in ("png", "exr"):
-        return PictureRequest(*arguments, kind)
+        return PictureRequest(*arguments, kind, parts if kind == "png" else ())
     if kind == "comparison":
         if len(frame.settings) != 2 and not frame.truth:
             raise MessageError("a comparison is of two settings, or of one and its stored picture")
-        return ComparisonRequest(*arguments[:2], None if frame.truth else frame.settings[1], frame.background)
+        return ComparisonRequest(*arguments[:2], None if frame.truth else frame.settings[1], frame.background, parts)
     fields = message.get("sweep")
     if not isinstance(fields, Mapping):
         raise MessageError("a sheet or a film needs a sweep: choose a parameter in the tab Sweep")
@@ -278,9 +302,19 @@ def from_message(message: Any, run: Run) -> Request:
     if kind == "sheet":
         down = ("second", "secondCount", "secondLow", "secondHigh")
         rows = _axis_in(fields, run, *down) if fields.get("second") else None
-        return SheetRequest(Sweep(arguments[0], columns, rows), *arguments[1:])
+        return SheetRequest(Sweep(arguments[0], columns, rows), *arguments[1:], parts)
     film = Sweep(arguments[0], replace(columns, count=FILM_STEPS))
-    return FilmRequest(film, *arguments[1:], kind, there_and_back=True)
+    return FilmRequest(film, *arguments[1:], kind, there_and_back=True, annotations=parts)
+
+
+def _annotations(record: Any) -> tuple[str, ...]:
+    """The parts of annotations that a message asks for; none without a record of them."""
+    if record is None:
+        return ()
+    parts = record.get("shown") if isinstance(record, Mapping) else None
+    if not isinstance(parts, list) or not all(part in PARTS for part in parts):
+        raise MessageError(f"annotations have shown, a list of {', '.join(PARTS)}")
+    return tuple(part for part in PARTS if part in parts)
 
 
 def _axis_in(fields: Mapping[str, Any], run: Run, name: str, count: str, *ends: str) -> Axis:

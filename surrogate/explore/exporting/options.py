@@ -15,6 +15,7 @@ from catalogs.vocabulary.cameras import Camera
 from catalogs.vocabulary.variations import APPEARANCE, POINT_PARAMETERS
 from surrogate.command_line import assignment
 from surrogate.evaluation.metrics import WHITE
+from surrogate.explore.exporting.annotations import PARTS
 from surrogate.explore.exporting.exports import (
     CommandRequest,
     ComparisonRequest,
@@ -34,6 +35,8 @@ from surrogate.explore.setting import Setting, base_function
 from surrogate.storage.picture_records import record_of
 
 MOST_SIDE = 8192  # pixels that a command may ask for
+_State = tuple[Setting, Camera | None, Color | None, tuple[str, ...]]
+
 STORED = "stored"  # what --compare takes beside parameters
 
 
@@ -44,9 +47,14 @@ def from_options(options: Mapping[str, Any], kind: Any, run: Run) -> CommandRequ
     for wrong options.
     """
     surrogate = run.surrogate
-    like, camera, like_background = (
-        _read_state(run, options["like"]) if options.get("like") else (Setting({}), None, None)
-    )
+    nothing: _State = (Setting({}), None, None, ())
+    like, camera, like_background, parts = _read_state(run, options["like"]) if options.get("like") else nothing
+    if options.get("annotate"):
+        parts = PARTS
+        if kind in ("ply", "html", "vti"):
+            raise ValueError(f"--annotate writes into pictures and films, not into .{kind} files")
+    elif kind == "exr":
+        parts = ()
     function = _function_in(options["function"]) if options.get("function") else None
     setting = _setting(run, options["parameters"], options["color_map"], like, options["using"], function)
     if kind == "ply":
@@ -65,17 +73,19 @@ def from_options(options: Mapping[str, Any], kind: Any, run: Run) -> CommandRequ
     background = _color(options["background"].split(",")) if options["background"] else None
     if options.get("compare"):
         other = None if options["compare"] == (STORED,) else _setting(run, options["compare"], "", setting)
-        return ComparisonRequest(setting, camera, other, background or like_background or surrogate.background or WHITE)
+        return ComparisonRequest(
+            setting, camera, other, background or like_background or surrogate.background or WHITE, parts
+        )
     if kind in ("png", "exr"):
-        return PictureRequest(setting, camera, background or like_background or surrogate.background, kind)
+        return PictureRequest(setting, camera, background or like_background or surrogate.background, kind, parts)
     down, film = options["down"], kind in ("gif", "mp4")
     steps = options["steps"] or (FILM_STEPS if film else ROW_STEPS if down else SHEET_STEPS)
     columns = _axis(run, options["over"], steps, options["low"], options["high"])
     rows = _axis(run, down, options["rows_steps"], options["rows_from"], options["rows_to"]) if down else None
     request = Sweep(setting, columns, rows), camera, background or surrogate.background or WHITE
     if not film:
-        return SheetRequest(*request)
-    return FilmRequest(*request, kind, options["fps"], options["there_and_back"], options["caption"])
+        return SheetRequest(*request, parts)
+    return FilmRequest(*request, kind, options["fps"], options["there_and_back"], options["caption"], parts)
 
 
 def extrapolations(request: CommandRequest, run: Run) -> list[str]:
@@ -111,17 +121,19 @@ def _function_in(path: Path) -> Any:
         raise ValueError(f"{path} holds no transfer function in JSON: {error}") from None
 
 
-def _read_state(run: Run, path: Path) -> tuple[Setting, Camera | None, Color | None]:
-    """The setting, camera and background that a picture keeps."""
+def _read_state(run: Run, path: Path) -> _State:
+    """The setting, camera, background and annotations that a picture keeps."""
     record = record_of(path)
     try:
         parameters = {name: float(value) for name, value in record["parameters"].items()}
         texts = str(record["color_map"]), str(record.get("using", ""))
         setting = Setting(parameters, dict(record["visualization"]), *texts, _function(run, record.get("function")))
         camera = Camera.from_json(record["camera"]) if "camera" in record else None
+        parts = tuple(part for part in PARTS if part in record.get("annotations", ()))
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         raise ValueError(f"the picture keeps no setting or camera that is understood: {error!r}") from error
-    return setting, camera, None if record.get("background") is None else _color(record["background"])
+    background = None if record.get("background") is None else _color(record["background"])
+    return setting, camera, background, parts
 
 
 def _setting(

@@ -32,7 +32,7 @@ from surrogate.storage.models import StoredModel
 
 PAGE = files("surrogate.explore") / "page"
 DRAWN = ("normalization", "deformation", "rasterizer", "field", "background")  # of the record
-IMPORT = re.compile(r'from "(?:\./|\.\./web/|(draw/|web/))([a-z_]+\.js)"')
+IMPORT = re.compile(r'from "(?:\./|\.\./web/|(draw/|web/|explore/))([a-z_]+\.js)"')
 COMMENT = re.compile(r"^\s*(?://[^\n]*|/\*\*.*?\*/)\n", re.MULTILINE | re.DOTALL)
 LOCAL, PROGRAM = "draw/local.js", "connection.js"
 ENTRY = """(async () => {

@@ -1,6 +1,7 @@
 // The address holds the whole state: what is not there is as at first.  What is there and can't be is named in notes.
 
 import { digits, digitsOf } from "../web/elements.js";
+import { PARTS } from "./annotations.js";
 import { ofWord, settled, wordOf } from "./functions.js";
 import { rounded as roundedOrbit } from "./orbit.js";
 import {
@@ -23,6 +24,7 @@ export function addressOf(state, facts) {
   put("against", state.against, first.against);
   put("background", state.background, first.background);
   put("full", state.full, first.full);
+  put("hide", state.hidden.join(","), "");
   for (const [name, value] of Object.entries(state.sweep)) put(`sweep.${name}`, value, first.sweep[name]);
   return `#${fields}`;
 }
@@ -53,6 +55,7 @@ export function stateOf(address, facts) {
   state.orbit = readOrbit(reading, state.orbit);
   state.background = readBackground(reading, state.background, facts);
   state.full = Number(reading.choice("full", FULL_SIZES.map(String), String(state.full)));
+  state.hidden = readHidden(reading);
   state.sweep = readSweep(reading, state, facts);
   reading.rest();
   return { state, notes: reading.notes };
@@ -166,6 +169,12 @@ function readBackground(reading, otherwise, facts) {
   if (/^#[0-9a-f]{6}$/i.test(text)) return text.toLowerCase();
   reading.note("background", "is not a colour #rrggbb", otherwise);
   return otherwise;
+}
+
+function readHidden(reading) {
+  const names = (reading.text("hide") ?? "").split(",").filter(Boolean), known = Object.keys(PARTS);
+  if (names.some(name => !known.includes(name))) reading.note("hide", `names other parts than ${known.join(", ")}`, "those");
+  return known.filter(part => names.includes(part));
 }
 
 function readSweep(reading, state, facts) {

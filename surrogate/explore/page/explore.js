@@ -5,7 +5,8 @@ import * as connection from "./connection.js";
 import { button, digits, element, markTab, tabs } from "../web/elements.js";
 import { exportPanel } from "./exports.js";
 import { listen } from "./hands.js";
-import { cameraOf, rounded } from "./orbit.js";
+import { cameraOf, rounded, seenAlong } from "./orbit.js";
+import { overlay, saidOf } from "./overlay.js";
 import { build, plan } from "./panes.js";
 import { comparePanel, displayPanel, modelPanel, parameterPanel, sweepPanel, viewPanel, visualizationPanel } from "./panels.js";
 import { decoded, paint, sizeFor, squareOf } from "./pictures.js";
@@ -218,7 +219,7 @@ class Explorer {
     const ends = { low: moved(name, sweep.low), high: moved(name, sweep.high), secondLow: moved(second, sweep.secondLow), secondHigh: moved(second, sweep.secondHigh) };
     return {
       kind, settings, size, camera: cameraOf(state.orbit, size), background: state.background, form: "png",
-      difference: false, truth: kind === "comparison" && !both, sweep: state.mode === "sweep" ? { ...sweep, ...ends } : null,
+      difference: false, truth: kind === "comparison" && !both, annotations: saidOf(current(state), state, facts), sweep: state.mode === "sweep" ? { ...sweep, ...ends } : null,
     };
   }
 
@@ -263,9 +264,10 @@ class Explorer {
     };
   }
 
-  async show(answer, moving) {
+  async show(answer, moving, request) {
     const bitmaps = await Promise.all(answer.pictures.map(bytes => decoded(bytes, answer.form)));
     paint(this.panes.map(p => p.canvas), bitmaps);
+    this.annotate(request);
     await new Promise(requestAnimationFrame);
     const now = performance.now();
     this.times = [...this.times.filter(t => t > now - 1000), now];
@@ -274,6 +276,17 @@ class Explorer {
     this.failed = false;
     this.describe(answer, moving);
     document.documentElement.dataset.shown = `${this.counted.moving} ${this.counted.whole}`;
+  }
+
+  /** Draw what pictures say of themselves over them: of a comparison the box alone. */
+  annotate({ camera, size }) {
+    const { state, facts, planned } = this, alone = planned.kind === "view";
+    if (planned.kind === "sweep") return;
+    this.panes.slice(0, alone ? 1 : 2).forEach(({ canvas, marks }, i) => {
+      const said = saidOf(planned.kind === "compare" ? state.settings[i] : current(state), state, facts), shown = alone ? said.shown : said.shown.filter(part => part === "box");
+      const scale = Math.min(canvas.clientWidth / size[0], canvas.clientHeight / size[1]);
+      overlay(marks, { ...said, shown, camera, size: size.map(side => side * scale) }, axis => this.look(seenAlong(state.orbit, axis)));
+    });
   }
 
   describe(answer, moving) {

@@ -90,4 +90,10 @@ export function seenFrom(orbit, direction) {
   return { ...orbit, direction: towards, up: across(Math.abs(towards[2]) > 0.99 ? [0, 1, 0] : [0, 0, 1], towards) };
 }
 
+/** Along an axis (0, 1, 2) from its positive end; seen from there already, from the other. */
+export function seenAlong(orbit, axis) {
+  const direction = [0, 1, 2].map(k => Number(k === axis));
+  return seenFrom(orbit, orbit.direction[axis] > 0.9999 ? scaled(-1, direction) : direction);
+}
+
 export const PRESETS = { "+x": [1, 0, 0], "−x": [-1, 0, 0], "+y": [0, 1, 0], "−y": [0, -1, 0], "+z": [0, 0, 1], "−z": [0, 0, -1] };

@@ -1,6 +1,7 @@
 // The controls beside the picture, a section each.  `explorer` holds the state and hears what is changed.
 
 import { button, digits, digitsOf, element, field, menu, section, tabs } from "../web/elements.js";
+import { PARTS } from "./annotations.js";
 import { numberInput } from "./numbers.js";
 import { anglesOf, placedAt, PRESETS, seenFrom, widened, zoomed } from "./orbit.js";
 import { slider } from "./sliders.js";
@@ -111,10 +112,13 @@ function cameraNumbers(explorer) {
 
 export function displayPanel(explorer) {
   const { facts, state } = explorer, behind = Object.entries(BACKGROUNDS).map(([name, color]) => [color, name]);
+  const hide = (part, isHidden) => explorer.set({ hidden: Object.keys(PARTS).filter(one => one === part ? isHidden : explorer.state.hidden.includes(one)) });
   if (facts.background) behind.push([facts.background, "trained"]);
   if (!behind.some(([color]) => color === state.background)) behind.push([state.background, state.background]);
   return section("Display",
     menu("Background", "background", state.background, behind, background => explorer.set({ background })),
+    element("fieldset", { class: "checks" }, element("legend", {}, "In the picture"), ...Object.entries(PARTS).map(([part, name]) =>
+      element("label", {}, element("input", { type: "checkbox", id: `show-${part}`, checked: !state.hidden.includes(part), onchange: event => hide(part, !event.target.checked) }), name))),
     menu("Resolution when idle", "full", state.full, FULL_SIZES.map(size => [size, `${size}²`]), size => explorer.set({ full: +size })));
 }
 

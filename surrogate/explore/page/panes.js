@@ -1,6 +1,6 @@
 // What the stage shows: one picture, two and their difference, the truth beside the prediction, or a sweep.
 
-import { button, element } from "../web/elements.js";
+import { button, drawn, element } from "../web/elements.js";
 import { current, endsOf, messageOf, mostRows, rangeOf, sweptOf, withValue } from "./state.js";
 import { described, valued } from "./words.js";
 
@@ -9,10 +9,11 @@ const WIDE = 1.35; // width of a usual stage in heights
 /** A picture with words on it: its name, what it shows, and what error to expect. */
 function pane(label) {
   const canvas = element("canvas", { role: "img", "aria-label": label });
+  const marks = drawn("svg", { class: "annotations" });
   const name = element("strong", {}, label), words = element("span", { class: "shown" }), expected = element("span", { class: "expected" });
   const caption = element("figcaption", {}, name, " ", words, expected);
   const open = act => { caption.append(button("Open", act, { class: "open", "aria-label": `Explore ${label}`, title: "Explore this setting" })); };
-  return { canvas, name, words, expected, open, box: element("figure", { class: "pane" }, canvas, caption) };
+  return { canvas, name, words, expected, open, marks, box: element("figure", { class: "pane" }, canvas, marks, caption) };
 }
 
 /** Values of a sweep over one parameter. */

@@ -1,6 +1,6 @@
 // Everything that a tab shows, as one plain object; `address.js` writes it into the address, whole.
 //
-// { mode, settings: [A, B], active, against, orbit, background, full, sweep }
+// { mode, settings: [A, B], active, against, orbit, background, full, hidden, sweep }; `hidden` names PARTS of annotations.js.
 // A setting: { parameters: {name: value}, kind, isovalue, points: {c1_value, ...}, free, colorMap, appearance, using }; `points` are the
 // places of the transfer function's control points, `free` is another function instead (functions.js) or null, `using` names what draws it, "" for the best.  A sweep: { name, low, high, count, second, secondLow, secondHigh, secondCount }, where
 // "" for an end is the bound.
@@ -54,6 +54,7 @@ export function firstState(facts) {
     orbit: roundedOrbit(facts.camera),
     background: facts.background ?? BACKGROUNDS.dark,
     full: 512,
+    hidden: [],
     sweep: firstSweep(facts),
   };
 }

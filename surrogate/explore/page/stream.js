@@ -8,7 +8,7 @@ const REST = 45; // milliseconds without a change after which it rests
 
 export class Stream {
   /**
-   * `request(moving)` makes the message; `show(answer, moving)` puts it on the screen and resolves when it is there;
+   * `request(moving)` makes the message; `show(answer, moving, request)` puts it on the screen and resolves when it is there;
    * `fail(error)` says why there is none.
    */
   constructor(request, show, fail) {
@@ -47,7 +47,8 @@ export class Stream {
     this.whole = !moving;
     this.waiting += 1;
     try {
-      await this.show(await frame(this.request(moving)), moving);
+      const request = this.request(moving);
+      await this.show(await frame(request), moving, request);
     } catch (error) {
       this.fail(error);
     } finally {

@@ -308,7 +308,7 @@ def test_the_page_asks_nobody_else(page: Page, explorer: str) -> None:
 
 
 def test_what_is_seen_can_be_saved(page: Page, explorer: str, surrogate: Surrogate, tmp_path: Path) -> None:
-    open_explorer(page, explorer, "a.p.p=0.3")
+    open_explorer(page, explorer, "a.p.p=0.3&hide=title,legend,box,axes")
     drag(page, "#stage", 50, 20)
     seen = assert_shown(page, surrogate)
     picture = np.asarray(Image.open(saved(page, "png", tmp_path)).convert("RGB")) / 255

@@ -7,6 +7,7 @@ import { Graphics } from "draw/graphics.js";
 import { modelOf } from "draw/model.js";
 import { normalized } from "draw/parameters.js";
 import { bitmapOf, CARD, SCRIPTS, transferOf, Ways } from "draw/ways.js";
+import { paintMarks } from "explore/overlay.js";
 import { across, cross, unit } from "web/vectors.js";
 
 const given = JSON.parse(new TextDecoder().decode(await unpacked("surrogate")));
@@ -67,7 +68,9 @@ export const nearest = async () => null;
 export async function exported(request) {
   const { pictures: [bitmapOfIt] } = await frame({ ...request, form: "png", difference: false, settings: request.settings.slice(0, 1) });
   const [width, height] = request.size, page = Object.assign(document.createElement("canvas"), { width, height });
-  page.getContext("2d").drawImage(bitmapOfIt, 0, 0);
+  const context = page.getContext("2d");
+  context.drawImage(bitmapOfIt, 0, 0);
+  paintMarks(context, { ...request.annotations, camera: request.camera, size: request.size });
   return { name: `${given.facts.title}.png`, blob: await new Promise(resolve => { page.toBlob(resolve); }) };
 }
 

@@ -1,0 +1,249 @@
+"""Marks on a picture: title and settings, a legend of colour and opacity, the box with ticks, and the axes.
+
+The same geometry as `surrogate/explore/page/annotations.js`, in pixels from the picture's left top corner.  A mark is
+("line", (x1, y1, x2, y2), stroke), ("path", [(x, y), ...]), ("rect", (x, y, width, height), colour) or
+("text", (x, y), anchor, size, text, weight): a stroke is an opacity or a colour, x of a text is its start, middle or end.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from catalogs.vocabulary.appearance import TransferFunction
+from catalogs.vocabulary.cameras import Camera
+from surrogate.appearance.scale import ValueScale
+
+PARTS = ("title", "legend", "box", "axes")
+FRONT, BACK = 0.5, 0.2  # opacity of lines
+APART, SHORTEST, TICK, NUMBER, NAME, LETTER = 64, 40, 5, 9, 24, 6  # pixels at scale 1
+NEAR = 1e-3  # of the box's diagonal
+NAMES, AXES, ARM, CORNER = "xyz", ("#e5605e", "#4fa35f", "#5b8def"), 28, 54
+LEFT, TOP, LEGEND_TOP, BAR, CURVE, STEPS, TALLEST = 18, 20, 66, 12, 26, 64, 240
+
+Mark = tuple[Any, ...]
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Legend:
+    """A transfer function over values on a scale, with the `label` of its field."""
+
+    function: TransferFunction
+    scale: ValueScale
+    label: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class Annotations:
+    """Everything that the marks of a picture say, and which `parts` of them are there.
+
+    `box` is the lowest and the highest corner, (2, 3) world units; there is no `legend` where no transfer function is shown.
+    """
+
+    title: str
+    words: str
+    box: Array
+    legend: Legend | None
+    parts: tuple[str, ...] = PARTS
+
+    def marks(self, camera: Camera) -> list[Mark]:
+        """All marks of what `camera` sees."""
+        scale, size = scale_of(camera), (camera.width, camera.height)
+        legend = self.legend if "legend" in self.parts else None
+        return [
+            *(_box_marks(camera, self.box, scale) if "box" in self.parts else ()),
+            *(() if legend is None else _legend_marks(legend, size, scale)),
+            *(_axis_marks(camera, scale) if "axes" in self.parts else ()),
+            *(_title_marks(self.title, self.words, size, scale) if "title" in self.parts else ()),
+        ]
+
+
+def scale_of(camera: Camera) -> float:
+    """The size of marks in a picture."""
+    return max(0.75, min(4.0, min(camera.width, camera.height) / 600.0))
+
+
+def projected(camera: Camera, point: Any) -> tuple[float, float, float]:
+    """Pixels and depth of a point (3,) in world units."""
+    x, y, depth = camera.world_to_camera[:3, :3] @ np.asarray(point) + camera.world_to_camera[:3, 3]
+    apart = depth or np.inf  # of the camera's own place nothing can be said
+    return float(camera.cx + camera.fx * x / apart), float(camera.cy + camera.fy * y / apart), float(depth)
+
+
+# ---- the box
+
+
+@dataclass(frozen=True, eq=False)
+class _Edge:
+    """An edge of the box; two faces meet in it, and it is seen where one of them is."""
+
+    axis: int
+    start: Array
+    stop: Array
+    front: bool
+    outline: bool
+    ends: tuple[tuple[float, ...], tuple[float, ...]] | None  # on the picture; None behind the camera
+
+
+def _box_marks(camera: Camera, box: Array, scale: float) -> list[Mark]:
+    near = NEAR * float(np.linalg.norm(box[1] - box[0]))
+    edges = _edges(camera, box, near)
+    lines: list[Mark] = [
+        ("line", (*e.ends[0][:2], *e.ends[1][:2]), FRONT if e.front else BACK) for e in edges if e.ends is not None
+    ]
+    center = projected(camera, box.mean(axis=0))
+    ticks = (_ticks([e for e in edges if e.axis == axis], axis, camera, center, scale) for axis in range(3))
+    return lines + [mark for marks in ticks for mark in marks]
+
+
+def _edges(camera: Camera, box: Array, near: float) -> list[_Edge]:
+    eye, edges = camera.position, []
+    seen = [
+        (bool(eye[axis] < box[0, axis]), bool(eye[axis] > box[1, axis])) for axis in range(3)
+    ]  # faces, from outside
+    for axis in range(3):
+        a, b = (other for other in range(3) if other != axis)
+        for corner in range(4):
+            sides = corner & 1, corner >> 1
+            start = box[0].copy()
+            start[a], start[b] = box[sides[0], a], box[sides[1], b]
+            stop = start.copy()
+            stop[axis] = box[1, axis]
+            first, second = seen[a][sides[0]], seen[b][sides[1]]
+            ends = _clipped(camera, start, stop, near)
+            edges.append(_Edge(axis, start, stop, first or second, first != second, ends))
+    return edges
+
+
+def _clipped(camera: Camera, start: Array, stop: Array, near: float) -> tuple[Any, Any] | None:
+    """Both ends on the picture, cut where the edge passes the camera."""
+    first, last = projected(camera, start)[2], projected(camera, stop)[2]
+    if max(first, last) <= near:
+        return None
+    cut = start if min(first, last) > near else start + (near - first) / (last - first) * (stop - start)
+    return projected(camera, start if first > near else cut), projected(camera, stop if last > near else cut)
+
+
+def _ticks(edges: Sequence[_Edge], axis: int, camera: Camera, center: Sequence[float], scale: float) -> list[Mark]:
+    """Ticks, numbers and the name of an axis along the outline's edge that lies lowest, or for z rightmost, on the picture."""
+    best: _Edge | None = None
+    for edge in edges:
+        before = projected(camera, edge.start)[2] > 0 and projected(camera, edge.stop)[2] > 0
+        if edge.outline and before and (best is None or _reach(edge, axis) > _reach(best, axis) + 1e-9):
+            best = edge
+    if best is None or best.ends is None:
+        return []
+    (ax, ay, _), (bx, by, _) = best.ends
+    length = math.hypot(bx - ax, by - ay)
+    if length < SHORTEST * scale:
+        return []
+    out = (ay - by) / length, (bx - ax) / length
+    if out[0] * (ax - center[0]) + out[1] * (ay - center[1]) < 0:
+        out = -out[0], -out[1]
+    anchor = "middle" if abs(out[0]) < 0.5 else "start" if out[0] > 0 else "end"
+
+    def beside(x: float, y: float, pixels: float) -> tuple[float, float]:
+        return x + pixels * scale * out[0], y + pixels * scale * out[1]
+
+    most = max(1, math.floor(length / (APART * scale)))
+    values, texts = nice_numbers(float(best.start[axis]), float(best.stop[axis]), most)
+    marks: list[Mark] = []
+    for value, text in zip(values, texts, strict=True):
+        point = best.start.copy()
+        point[axis] = value
+        x, y, _ = projected(camera, point)
+        marks.append(("line", (x, y, *beside(x, y, TICK)), FRONT))
+        marks.append(("text", beside(x, y, NUMBER + (4 if anchor == "middle" else 0)), anchor, 11, text, 400))
+    far = NAME + 6 + (0 if anchor == "middle" else LETTER * max(map(len, texts), default=0))
+    return [*marks, ("text", beside((ax + bx) / 2, (ay + by) / 2, far), "middle", 13, NAMES[axis], 600)]
+
+
+def _reach(edge: _Edge, axis: int) -> float:
+    assert edge.ends is not None
+    order = 0 if axis == 2 else 1
+    return edge.ends[0][order] + edge.ends[1][order]
+
+
+def nice_numbers(low: float, high: float, most: int) -> tuple[list[float], list[str]]:
+    """At most `most` + 1 round numbers from low to high, 1, 2 or 5 times a power of ten apart, and their texts."""
+    least = (high - low) / most
+    power = 10.0 ** math.floor(math.log10(least))
+    step = next(times for times in (1, 2, 5, 10) if times * power >= least * (1 - 1e-9)) * power
+    slack = 1e-9 * (high - low)
+    first, last = math.ceil((low - slack) / step), math.floor((high + slack) / step)
+    values = [k * step for k in range(first, last + 1)]
+    decimals = max(0, -math.floor(math.log10(step) + 1e-9))
+    if decimals <= 4 and max(abs(low), abs(high)) < 1e5:
+        texts = [f"{value + 0.0:.{decimals}f}" for value in values]
+    else:
+        texts = [f"{value + 0.0:.2e}".replace("e-0", "e-").replace("e+0", "e+") for value in values]
+    return values, [text.replace("-", "\N{MINUS SIGN}") for text in texts]
+
+
+# ---- legend, axes, title
+
+
+def _legend_marks(legend: Legend, size: tuple[int, int], scale: float) -> list[Mark]:
+    top, tall, left = LEGEND_TOP * scale, min(TALLEST * scale, 0.45 * size[1]), LEFT * scale
+    if tall < 3 * SHORTEST * scale:
+        return []
+
+    def y(place: float) -> float:
+        return top + tall * (1 - place)
+
+    def x(share: float) -> float:
+        return left + (BAR + 4 + CURVE * share) * scale
+
+    colors = legend.function.colors(legend.scale.values((np.arange(STEPS) + 0.5) / STEPS))  # [STEPS, 3]
+    places = np.arange(STEPS + 1) / STEPS
+    opacities = legend.function.opacities(legend.scale.values(places))  # [STEPS + 1]
+    marks: list[Mark] = [
+        ("rect", (left, y((i + 1) / STEPS), BAR * scale, tall / STEPS), _hexadecimal(color))
+        for i, color in enumerate(colors)
+    ]
+    marks.append(("line", (x(0), y(0), x(0), y(1)), BACK))
+    path = [(x(share), y(place)) for share, place in zip(opacities.tolist(), places.tolist(), strict=True)]
+    marks.append(("path", path))
+    free, knots = math.inf, legend.scale.knots.tolist()
+    for i, knot in enumerate(knots):
+        at, last = y(float(legend.scale.places(knot))), i == len(knots) - 1
+        if at > free or (not last and at < y(1) + 15 * scale):
+            continue
+        free = at - 15 * scale
+        text = f"{float(f'{knot:.3g}'):.12g}".replace("-", "\N{MINUS SIGN}")
+        marks.append(("line", (left, at, left + BAR * scale, at), FRONT))
+        marks.append(("text", (x(1) + 6 * scale, at), "start", 11, text, 400))
+    label = f"{legend.label}, line: opacity" if legend.label else "line: opacity"
+    return [*marks, ("text", (left, y(0) + 18 * scale), "start", 11, label, 400)]
+
+
+def _axis_marks(camera: Camera, scale: float) -> list[Mark]:
+    x, y = camera.width - CORNER * scale, camera.height - CORNER * scale
+    tips = [(ARM * scale * right, ARM * scale * down, ahead) for right, down, ahead in camera.rotation.T.tolist()]
+    marks: list[Mark] = []
+    for k in sorted(range(3), key=lambda k: -tips[k][2]):
+        right, down, _ = tips[k]
+        marks.append(("line", (x, y, x + right, y + down), AXES[k]))
+        marks.append(("text", (x + 1.35 * right, y + 1.35 * down), "middle", 12, NAMES[k], 700))
+    return marks
+
+
+def _title_marks(title: str, words: str, size: tuple[int, int], scale: float) -> list[Mark]:
+    def short(text: str, letter: int) -> str:
+        most = max(8, math.floor((size[0] / scale - 2 * LEFT) / (0.58 * letter)))
+        return f"{text[: most - 1]}…" if len(text) > most else text
+
+    return [
+        ("text", (LEFT * scale, TOP * scale), "start", 16, short(title, 16), 650),
+        ("text", (LEFT * scale, (TOP + 21) * scale), "start", 12, short(words, 12), 400),
+    ]
+
+
+def _hexadecimal(color: Sequence[float]) -> str:
+    return "#" + "".join(f"{math.floor(255.0 * min(1.0, max(0.0, part)) + 0.5):02x}" for part in color)

@@ -1,0 +1,123 @@
+"""Annotations of a picture: shown over the stage, switched off, clicked, and saved as the program would."""
+
+from __future__ import annotations
+
+import io
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from surrogate import Surrogate
+from surrogate.explore.exporting.annotations import PARTS, Annotations
+from surrogate.explore.exporting.marks import annotations_of
+from surrogate.explore.request import frame_request
+from surrogate.explore.run import Run
+from surrogate.storage.picture_records import record_of
+from tests.support.browsers import serious_findings
+from tests.support.drawn_pages import opened
+from tests.support.explored import addressed, assert_shown, open_explorer, request_of, saved, settled
+from tests.support.surrogates import some_surrogate
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Page
+
+pytestmark = pytest.mark.slow
+MARKS = """async size => {
+  const [{ annotationsOf, scaleOf }, { saidOf }, { current }] =
+    await Promise.all(["annotations", "overlay", "state"].map(name => import(`/explore/${name}.js`)));
+  const { state, facts } = window.explorer, { camera } = window.explorer.request(false);
+  return annotationsOf({ ...saidOf(current(state), state, facts), camera, size, scale: scaleOf(size) });
+}"""
+VIEWS = ["", "camera=0,-1,0,0,0,1,4,0,0,0,32", "camera=0.6,0.64,-0.48,0,0.6,0.8,0.4,0.1,0,0,60", "a.show=isovalue"]
+
+
+@pytest.mark.parametrize("view", VIEWS)
+def test_the_page_and_the_program_place_marks_alike(page: Page, explorer: str, run_folder: Path, view: str) -> None:
+    open_explorer(page, explorer, view)
+    message = request_of(page)
+    run, size = Run.open(run_folder), [700, 500]
+    request = frame_request({**message, "size": size}, run.surrogate)
+    said = annotations_of(run, request.settings[0], PARTS)
+    words = page.evaluate("document.querySelectorAll('.annotations text').length")
+    assert words > 5
+    other = Annotations(run.title, "", said.box, said.legend).marks(request.camera)
+
+    def without_settings(marks: list[Any]) -> list[Any]:
+        return [mark for mark in marks if mark[0] != "text" or mark[3] != 12 or mark[5] == 700]
+
+    found, expected = without_settings(page.evaluate(MARKS, size)), without_settings(other)
+    assert len(found) == len(expected)
+    for own, twin in zip(found, expected, strict=True):
+        assert own[0] == twin[0]
+        np.testing.assert_allclose(np.ravel(own[1]), np.ravel(twin[1]), atol=1e-6)
+        assert own[2:] == list(twin[2:])
+
+
+def shapes(page: Page) -> int:
+    count: int = page.evaluate("document.querySelectorAll('.annotations > g:first-child > *').length")
+    return count
+
+
+def test_each_part_is_switched_off_and_the_link_says_so(page: Page, explorer: str, surrogate: Surrogate) -> None:
+    open_explorer(page, explorer)
+    counts = [shapes(page)]
+    for part in PARTS:
+        page.locator(f"#show-{part}").uncheck()
+        settled(page)
+        counts.append(shapes(page))
+    assert counts == sorted(set(counts), reverse=True)
+    assert counts[-1] == 0
+    addressed(page)
+    assert "hide=title%2Clegend%2Cbox%2Caxes" in page.url
+    page.reload()
+    settled(page)
+    assert shapes(page) == 0
+    assert not page.locator("#show-box").is_checked()
+    page.locator("#show-box").check()
+    settled(page)
+    assert shapes(page) > 12
+    open_explorer(page, explorer, "hide=box,nothing")
+    assert "names other parts than title, legend, box, axes" in page.locator("#note").inner_text()
+
+
+@pytest.mark.parametrize("way", ["click", "Enter"])
+def test_axes_look_along_themselves(page: Page, explorer: str, surrogate: Surrogate, way: str) -> None:
+    open_explorer(page, explorer)
+    for axis, times, expected in (("x", 1, [1, 0, 0]), ("z", 1, [0, 0, 1]), ("z", 1, [0, 0, -1])):
+        for _ in range(times):
+            target = page.get_by_role("button", name=f"Look along {axis}")
+            if way == "click":
+                target.click()
+            else:
+                target.focus()
+                page.keyboard.press("Enter")
+        assert_shown(page, surrogate)
+        assert page.evaluate("window.explorer.state.orbit.direction") == pytest.approx(expected)
+    if way == "Enter":
+        assert page.evaluate("document.activeElement.getAttribute('aria-label')") == "Look along z"
+    assert serious_findings(page) == []
+
+
+def test_a_saved_picture_has_what_is_seen_and_says_so(page: Page, explorer: str, tmp_path: Path) -> None:
+    open_explorer(page, explorer, "hide=legend")
+    path = saved(page, "png", tmp_path)
+    assert record_of(path)["annotations"] == ["title", "box", "axes"]
+    assert saved(page, "exr", tmp_path).stat().st_size > 1000
+
+
+def test_a_page_alone_saves_the_marks_with_the_picture(page: Page, tmp_path: Path) -> None:
+    opened(page, some_surrogate(3, 40), tmp_path)
+    pictures: list[Any] = []
+    for part in (None, *PARTS):
+        if part:
+            page.locator(f"#show-{part}").uncheck()
+            page.wait_for_function("() => window.explorer.resting")
+        with page.expect_download() as coming:
+            page.locator("#export").click()
+        pictures.append(np.asarray(Image.open(io.BytesIO(Path(coming.value.path()).read_bytes())).convert("RGB")))
+    changed = [np.abs(one.astype(int) - pictures[-1]).max(axis=2) > 40 for one in pictures]
+    counts = [int(one.sum()) for one in changed]
+    assert counts[0] > counts[1] >= counts[2] > counts[3] > counts[4] == 0
