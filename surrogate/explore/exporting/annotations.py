@@ -1,8 +1,11 @@
 """Marks on a picture: title and settings, a legend of colour and opacity, the box with ticks, and the axes.
 
-The same geometry as `surrogate/explore/page/annotations.js`, in pixels from the picture's left top corner.  A mark is
-("line", (x1, y1, x2, y2), stroke), ("path", [(x, y), ...]), ("rect", (x, y, width, height), colour) or
-("text", (x, y), anchor, size, text, weight): a stroke is an opacity or a colour, x of a text is its start, middle or end.
+The same geometry as `surrogate/explore/page/annotations.js`, in pixels from the picture's left top corner.  A mark is one of
+
+    ("line", (x1, y1, x2, y2), stroke), whose stroke is an opacity or a colour;
+    ("path", [(x, y), ...]);
+    ("rect", (x, y, width, height), colour);
+    ("text", (x, y), anchor, size, text, weight), whose x is its start, middle or end.
 """
 
 from __future__ import annotations
@@ -104,9 +107,7 @@ def _box_marks(camera: Camera, box: Array, scale: float) -> list[Mark]:
 
 def _edges(camera: Camera, box: Array, near: float) -> list[_Edge]:
     eye, edges = camera.position, []
-    seen = [
-        (bool(eye[axis] < box[0, axis]), bool(eye[axis] > box[1, axis])) for axis in range(3)
-    ]  # faces, from outside
+    faces = [(bool(eye[axis] < box[0, axis]), bool(eye[axis] > box[1, axis])) for axis in range(3)]  # seen from outside
     for axis in range(3):
         a, b = (other for other in range(3) if other != axis)
         for corner in range(4):
@@ -115,7 +116,7 @@ def _edges(camera: Camera, box: Array, near: float) -> list[_Edge]:
             start[a], start[b] = box[sides[0], a], box[sides[1], b]
             stop = start.copy()
             stop[axis] = box[1, axis]
-            first, second = seen[a][sides[0]], seen[b][sides[1]]
+            first, second = faces[a][sides[0]], faces[b][sides[1]]
             ends = _clipped(camera, start, stop, near)
             edges.append(_Edge(axis, start, stop, first or second, first != second, ends))
     return edges

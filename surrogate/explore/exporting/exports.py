@@ -168,7 +168,7 @@ class ComparisonRequest:
         return f"{self.setting.described(run.origins)} beside {other}"
 
     def _over(self, run: Run) -> Callable[[NDArray[np.float32]], NDArray[np.float32]]:
-        """What is drawn over both pictures, once their difference is known: the box alone, for words stand beside them."""
+        """A function that draws the box over a picture, once the difference is known; words stand beside it."""
         said = annotations_of(run, self.setting, [part for part in self.annotations if part == "box"])
         return lambda image: annotated(image, said, self.camera, self.background) if said.parts else image
 
