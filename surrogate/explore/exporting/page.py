@@ -13,25 +13,16 @@ import hashlib
 import html
 import json
 import re
-from dataclasses import replace
 from importlib.resources import files
-from typing import Any
 
-from catalogs.vocabulary.variations.isovalue import IsovalueVariation
 from catalogs.vocabulary.words import plural
 from catalogs.web import ASSETS
-from surrogate.deformation.visualization import Visualization
 from surrogate.explore.exporting.expectations import Expectations
 from surrogate.explore.exporting.page_field import field_of_page, stored_field
-from surrogate.explore.facts import facts
+from surrogate.explore.exporting.page_model import PageModel, average
 from surrogate.explore.run import Run
-from surrogate.model import Surrogate
-from surrogate.model.form import stored_form
-from surrogate.model.representation import FIELD, GAUSSIANS, KINDS, VIEW
-from surrogate.storage.models import StoredModel
 
 PAGE = files("surrogate.explore") / "page"
-DRAWN = ("normalization", "deformation", "rasterizer", "field", "background")  # of the record
 IMPORT = re.compile(r'from "(?:\./|\.\./web/|(draw/|web/|explore/))([a-z_]+\.js)"')
 COMMENT = re.compile(r"^\s*(?://[^\n]*|/\*\*.*?\*/)\n", re.MULTILINE | re.DOTALL)
 LOCAL, PROGRAM = "draw/local.js", "connection.js"
@@ -66,20 +57,9 @@ TEMPLATE = """<!doctype html>
 
 
 def page_bytes(run: Run, expected: Expectations | None = None, modes: int | None = None) -> bytes:
-    """The page of a run, as HTML, which says what error to expect where that is known.
-
-    It holds the Gaussians, and the emulated field with at most a number of `modes`: 0 leaves it out.  By default it is there
-    where it draws best, or alone.  Raises ValueError for a surrogate that has nothing that a page can draw.
-    """
-    surrogate, field = run.surrogate, field_of_page(run.surrogate, modes)
-    emulation = None if field is None else stored_field(field, modes)
-    if emulation is None and not len(surrogate.gaussians):
-        raise ValueError(
-            "a page is drawn by Gaussians or an emulated field, and this one would hold neither: explore the run with "
-            "`surrogate explore RUN` instead"
-        )
-    whole = stored_form(surrogate) if len(surrogate.gaussians) else None
-    content = _content(run, whole, emulation, expected or Expectations(why=_average(surrogate)))
+    """The page of a run, as HTML, which says what error to expect where that is known; see `PageModel.of`."""
+    model = PageModel.of(run, modes)
+    content = model.content | {"expected": (expected or Expectations(why=average(run.surrogate))).to_json()}
     modules = _modules()
     imports = {name: f"data:text/javascript;base64,{_base64(text.encode())}" for name, text in modules.items()}
     map_of_them = json.dumps({"imports": imports}, separators=(",", ":"))  # as `JSON.stringify` writes it
@@ -93,8 +73,8 @@ def page_bytes(run: Run, expected: Expectations | None = None, modes: int | None
         title=html.escape(f"{run.title} · gs-surrogate"),
         styles=styles,
         given=_packed(json.dumps(content).encode()),
-        tensors=_tensors(whole),
-        field=_tensors(emulation),
+        tensors=_packed(model.tensors),
+        field=_packed(model.field),
         modules=_packed(json.dumps(modules).encode()),
         entry=ENTRY,
     ).encode()
@@ -107,50 +87,9 @@ def page_contents(run: Run, modes: int | None = None) -> str:
     if field is not None:
         emulation = stored_field(field, modes)
         fields = emulation.record["fields"]
-        count, size = sum(len(one["groups"]) for one in fields), len(_tensors(emulation)) / 1e6
+        count, size = sum(len(one["groups"]) for one in fields), len(_packed(emulation.contents()[0])) / 1e6
         parts.append(f"{plural(len(fields), 'emulated field')} ({plural(count, 'mode')}, which add {size:.1f} MB)")
     return " and ".join(parts)
-
-
-def _tensors(model: StoredModel | None) -> str:
-    return "" if model is None else _packed(model.contents()[0])
-
-
-def _content(
-    run: Run, whole: StoredModel | None, emulation: StoredModel | None, expected: Expectations
-) -> dict[str, Any]:
-    """Everything that the page must know, as JSON values."""
-    surrogate = run.surrogate if emulation is not None else replace(run.surrogate, field=None)
-    if whole is None:
-        surrogate = surrogate.using(FIELD)
-    sizes = {name: model.megabytes for name, model in ((GAUSSIANS, whole), (FIELD, emulation)) if model is not None}
-    page_facts = facts(replace(run, surrogate=surrogate))
-    record = {} if whole is None else {name: whole.record[name] for name in DRAWN if name in whole.record}
-    return {
-        "facts": page_facts | {"truth": False, "exports": {"png": "PNG"}},
-        "record": {
-            "parameters": surrogate.space.to_json(),
-            **record,
-            "visualizations": [_visualization(v) for v in surrogate.visualizations],
-            "emulation": emulation and emulation.record,
-        },
-        "megabytes": sizes,
-        "best": {kind: surrogate.representation(kind) for kind in KINDS},
-        "expected": expected.to_json(),
-    }
-
-
-def _visualization(one: Visualization) -> dict[str, Any]:
-    """A visualization's record, with what normalizes its parameters in place of all its settings."""
-    variation = one.variation
-    form = {"kind": variation.kind, "base": variation.base, "parameters": variation.space.to_json()}
-    trained = sorted(values[0] for values in variation.trained) if variation.kind == IsovalueVariation.kind else []
-    return one.record() | {"variation": form | {"trained": trained}}
-
-
-def _average(surrogate: Surrogate) -> str:
-    psnr = surrogate.scores.psnr.get(VIEW, {}).get(surrogate.representation(VIEW))
-    return "" if psnr is None else f"Pictures of runs that training did not see: PSNR {psnr:.1f} dB on average"
 
 
 def _modules() -> dict[str, str]:
@@ -184,8 +123,8 @@ def _short(text: str) -> str:
 
 
 def _packed(content: bytes) -> str:
-    """The base64 of gzip."""
-    return _base64(gzip.compress(content, mtime=0))
+    """The base64 of gzip; of nothing nothing."""
+    return "" if not content else _base64(gzip.compress(content, mtime=0))
 
 
 def _digest(script: str) -> str:

@@ -25,6 +25,7 @@ export function addressOf(state, facts) {
   put("background", state.background, first.background);
   put("full", state.full, first.full);
   put("hide", state.hidden.join(","), "");
+  put("drawn", state.drawn, first.drawn);
   for (const [name, value] of Object.entries(state.sweep)) put(`sweep.${name}`, value, first.sweep[name]);
   return `#${fields}`;
 }
@@ -56,6 +57,7 @@ export function stateOf(address, facts) {
   state.background = readBackground(reading, state.background, facts);
   state.full = Number(reading.choice("full", FULL_SIZES.map(String), String(state.full)));
   state.hidden = readHidden(reading);
+  state.drawn = reading.choice("drawn", ["browser", "program"], "");
   state.sweep = readSweep(reading, state, facts);
   reading.rest();
   return { state, notes: reading.notes };

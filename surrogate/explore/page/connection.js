@@ -94,6 +94,15 @@ export async function survey() {
   }
 }
 
+/** The surrogate for browsers that draw: {record, megabytes, best, facts, tensors, field}, the last two null where there are none. */
+export async function drawable() {
+  const { pictures: [tensors, field], ...content } = await call("model"), held = bytes => bytes.length ? bytes.slice() : null;
+  return { ...content, tensors: held(tensors), field: held(field) };
+}
+
+/** What error to expect of the pictures of a request. */
+export const expected = async request => (await call("expected", request)).expected;
+
 /** An answer with pictures; throws an Error that says in a sentence why there is none. */
 export const frame = request => call("frame", request);
 

@@ -3,6 +3,7 @@
 import { addressOf, stateOf } from "./address.js";
 import * as connection from "./connection.js";
 import { button, digits, element, markTab, tabs } from "../web/elements.js";
+import { Drawing } from "./drawing.js";
 import { exportPanel } from "./exports.js";
 import { listen } from "./hands.js";
 import { cameraOf, rounded, seenAlong } from "./orbit.js";
@@ -30,7 +31,8 @@ class Explorer {
     this.panes = [];
     this.times = []; // of frames on the screen in the last second
     this.counted = { moving: 0, whole: 0 };
-    this.stream = new Stream(moving => this.request(moving), (...shown) => this.show(...shown), error => this.fail(error));
+    this.drawing = new Drawing(() => this.state.drawn, sentence => this.say(sentence));
+    this.stream = new Stream(moving => this.request(moving), request => this.drawing.frame(request), (...shown) => this.show(...shown), error => this.fail(error));
     this.steps = new Steps();
     this.layOut();
     this.readAddress();
@@ -255,7 +257,7 @@ class Explorer {
     });
     this.planned = planned;
     const share = planned.kind === "sweep" ? 1 / Math.sqrt(Math.max(2, planned.settings.length / 2)) : planned.kind === "compare" ? 0.7 : 1;
-    const side = share * (moving ? MOVING : this.state.full);
+    const side = share * (moving && !this.drawing.isFast ? MOVING : this.state.full);
     const size = { truth: this.facts.size, compare: squareOf(side) }[planned.kind] ?? sizeFor(this.panes[0].canvas, side);
     return {
       settings: planned.settings, camera: cameraOf(this.state.orbit, size), size,

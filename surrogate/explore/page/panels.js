@@ -119,6 +119,8 @@ export function displayPanel(explorer) {
     menu("Background", "background", state.background, behind, background => explorer.set({ background })),
     element("fieldset", { class: "checks" }, element("legend", {}, "In the picture"), ...Object.entries(PARTS).map(([part, name]) =>
       element("label", {}, element("input", { type: "checkbox", id: `show-${part}`, checked: !state.hidden.includes(part), onchange: event => hide(part, !event.target.checked) }), name))),
+    explorer.drawing.isOffered && menu("Drawn in", "drawn", state.drawn, [["", `the faster: ${explorer.drawing.card ? "this browser" : "the program"}`],
+      ["browser", `this browser (${explorer.drawing.card || "no graphics card"})`], ["program", "the explorer's program"]], drawn => explorer.set({ drawn })),
     menu("Resolution when idle", "full", state.full, FULL_SIZES.map(size => [size, `${size}²`]), size => explorer.set({ full: +size })));
 }
 

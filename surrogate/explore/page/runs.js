@@ -100,7 +100,7 @@ class RunMap {
   /** The representation that draws, or the one that is calibrated. */
   used() {
     const known = Object.keys(this.doubt.survey.expectations), { using } = current(this.explorer.state);
-    return [using, this.facts.model.chosen, ...known].find(name => known.includes(name));
+    return [using.split("-")[0], this.facts.model.chosen, ...known].find(name => known.includes(name));
   }
 
   paint(values, first, second) {

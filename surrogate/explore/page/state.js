@@ -1,6 +1,7 @@
 // Everything that a tab shows, as one plain object; `address.js` writes it into the address, whole.
 //
-// { mode, settings: [A, B], active, against, orbit, background, full, hidden, sweep }; `hidden` names PARTS of annotations.js.
+// { mode, settings: [A, B], active, against, orbit, background, full, hidden, drawn, sweep }; `hidden` names PARTS of annotations.js,
+// `drawn` what draws: the browser or the program, "" for the faster.
 // A setting: { parameters: {name: value}, kind, isovalue, points: {c1_value, ...}, free, colorMap, appearance, using }; `points` are the
 // places of the transfer function's control points, `free` is another function instead (functions.js) or null, `using` names what draws it, "" for the best.  A sweep: { name, low, high, count, second, secondLow, secondHigh, secondCount }, where
 // "" for an end is the bound.
@@ -55,6 +56,7 @@ export function firstState(facts) {
     background: facts.background ?? BACKGROUNDS.dark,
     full: 512,
     hidden: [],
+    drawn: "",
     sweep: firstSweep(facts),
   };
 }

@@ -1,18 +1,17 @@
 // Frames: small ones while something moves, one whole one when it rests.  The newest wish wins; never more than two are asked for
 // at once, so that a slow line shows fewer frames instead of old ones.
 
-import { frame } from "./connection.js";
-
 const AT_ONCE = 2;
 const REST = 45; // milliseconds without a change after which it rests
 
 export class Stream {
   /**
-   * `request(moving)` makes the message; `show(answer, moving, request)` puts it on the screen and resolves when it is there;
+   * `request(moving)` makes the message; `frame(request)` resolves to an answer; `show(answer, moving, request)` puts it on the
+   * screen and resolves when it is there;
    * `fail(error)` says why there is none.
    */
-  constructor(request, show, fail) {
-    Object.assign(this, { request, show, fail });
+  constructor(request, frame, show, fail) {
+    Object.assign(this, { request, frame, show, fail });
     this.waiting = 0; // frames that were asked for and are not on the screen yet
     this.dirty = false; // whether something changed since
     this.whole = false; // whether the last that was asked for is a whole one
@@ -48,7 +47,7 @@ export class Stream {
     this.waiting += 1;
     try {
       const request = this.request(moving);
-      await this.show(await frame(request), moving, request);
+      await this.show(await this.frame(request), moving, request);
     } catch (error) {
       this.fail(error);
     } finally {

@@ -27,6 +27,7 @@ from catalogs.web.access import LOCAL, Access
 from surrogate.answers.doubt import Doubt
 from surrogate.explore.exporting.expectations import Expectations
 from surrogate.explore.exporting.exports import Export, exported
+from surrogate.explore.exporting.page_model import PageModel
 from surrogate.explore.facts import facts
 from surrogate.explore.request import frame_request
 from surrogate.explore.run import Run
@@ -113,6 +114,11 @@ class Explorer:
             self._measuring.join(timeout=PATIENCE)
         self.frames.clear()  # whoever still holds this object holds no Gaussians
 
+    def _model(self) -> dict[str, Any]:
+        """The surrogate for browsers that draw it by themselves."""
+        model = PageModel.of(self.run)
+        return model.content | {"pictures": [model.tensors, model.field]}
+
     def _measure(self) -> None:
         def go_on(*_: object) -> None:
             if self._closed.is_set():
@@ -136,6 +142,8 @@ class Explorer:
         calls: dict[str, Call] = {
             "facts": lambda _: self._facts,
             "frame": lambda request: frames.answer(frame_request(request, surrogate, origins)),
+            "model": lambda _: self._model(),
+            "expected": lambda request: {"expected": frames.expected(frame_request(request, surrogate, origins))},
             "survey": lambda _: self._expectations.to_json(),
             "nearest": lambda request: {"found": frames.nearest(frame_request(request, surrogate, origins))},
         }

@@ -76,12 +76,12 @@ class Frames:
             "pictures": [encode(picture, request.form) for picture in pictures],
             "form": request.form,
             "size": [request.camera.width, request.camera.height],
-            "expected": self._expected(request),
+            "expected": self.expected(request),
             "by": [WORDS[setting.drawn_by(self.surrogate)] for setting in request.settings],
             "drawn": milliseconds,
         }
 
-    def _expected(self, request: FrameRequest) -> list[dict[str, Any]] | None:
+    def expected(self, request: FrameRequest) -> list[dict[str, Any]] | None:
         """Of each setting as the camera sees it; None while something moves, and until it is known."""
         if request.form != "png" or (self.doubt is None and not self.undoubted):
             return None

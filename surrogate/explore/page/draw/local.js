@@ -1,14 +1,13 @@
 // The explorer's program inside the page: the same calls as connection.js makes, answered by the browser itself.
 // The page holds the surrogate: {facts, record, megabytes, best, expected} and its tensors, compressed.
 
-import { differenceOf } from "draw/difference.js";
+import { answered, cameraOf } from "draw/answers.js";
 import { Doubt } from "draw/doubt.js";
 import { Graphics } from "draw/graphics.js";
 import { modelOf } from "draw/model.js";
 import { normalized } from "draw/parameters.js";
-import { bitmapOf, CARD, SCRIPTS, transferOf, Ways } from "draw/ways.js";
+import { CARD, SCRIPTS, transferOf, Ways } from "draw/ways.js";
 import { paintMarks } from "explore/overlay.js";
-import { across, cross, unit } from "web/vectors.js";
 
 const given = JSON.parse(new TextDecoder().decode(await unpacked("surrogate")));
 export const model = modelOf(await unpacked("tensors"), await unpacked("field"), given.record);
@@ -32,7 +31,10 @@ async function unpacked(id) {
 
 export class Gone extends Error {}
 
-/** Nothing is ever lost: there is no program. */
+/** There is no program that could draw, or be asked. */
+export const drawable = null, expected = null;
+
+/** Nothing is ever lost. */
 export const listen = () => {};
 
 export async function facts() {
@@ -42,21 +44,8 @@ export async function facts() {
 
 /** An answer with pictures as bitmaps. */
 export async function frame(request) {
-  const started = performance.now(), { settings, size } = request, background = channels(request.background), camera = lookAt(request.camera, size);
-  const pictures = [], answer = { truth: null };
-  if (request.difference) {
-    const both = settings.map(setting => ways.displayed(setting, camera, background));
-    const { picture, ...numbers } = differenceOf(...both);
-    for (const own of [...both, picture]) pictures.push(await bitmapOf(own, size));
-    answer.difference = numbers;
-  } else {
-    for (const setting of settings) pictures.push(await ways.bitmap(setting, camera, background));
-  }
-  return {
-    ...answer, pictures, form: request.form, size, drawn: performance.now() - started,
-    by: settings.map(setting => ways.wordsOf(setting)),
-    expected: request.form === "png" ? settings.map(setting => expected(setting, camera)) : null,
-  };
+  const { settings, form } = request, camera = cameraOf(request);
+  return { ...await answered(ways, request), truth: null, expected: form === "png" ? settings.map(setting => expectation(setting, camera)) : null };
 }
 
 export const survey = async () => given.expected;
@@ -74,18 +63,8 @@ export async function exported(request) {
   return { name: `${given.facts.title}.png`, blob: await new Promise(resolve => { page.toBlob(resolve); }) };
 }
 
-const channels = color => [1, 3, 5].map(at => parseInt(color.slice(at, at + 2), 16) / 255);
-
-/** The camera of `Camera.look_at`, as JSON. */
-function lookAt({ position, target, up, field }, [width, height]) {
-  const forward = unit(target.map((x, k) => x - position[k])), right = unit(cross(forward, across(up, forward))), down = cross(forward, right);
-  const focal = height / (2 * Math.tan(field * Math.PI / 360));
-  const rows = [right, down, forward].map(axis => [...axis, -axis.reduce((sum, x, k) => sum + x * position[k], 0)]);
-  return { world_to_camera: [...rows, [0, 0, 0, 1]], fx: focal, fy: focal, cx: width / 2, cy: height / 2, width, height };
-}
-
 /** What to expect of a picture; what the run measured on average where it holds no more. */
-function expected(setting, camera) {
+function expectation(setting, camera) {
   if (!doubt) return { psnr: null, short: given.expected.sentence, sentence: given.expected.sentence, warning: false };
   const { parameters, visualization, color_map: map, function: free } = setting, base = model.record.field?.base ?? model.record.emulation?.base.transfer_function;
   const changed = map || free || Object.keys(visualization).length > 0, isFunction = changed && !("isovalue" in visualization || "appearance" in visualization);
