@@ -9,39 +9,41 @@ const MOST_DEPTH = 100; // where nothing passes
  * Premultiplied RGBA (H, W, 4) of `volume`: {values of which 0 to 1 is drawn, hidden, size, spacing, knots, unit, light},
  * by samples a world `distance` apart at most.
  */
-export function castVolume(volume, { eye, across, down, corner, width, height }, distance) {
-  const { size, spacing, unit, light, hidden } = volume, picture = new Float32Array(4 * width * height), last = size.map(n => n - 1);
-  const nx = size[0], slice = nx * size[1], [endX, endY, endZ] = size.map(n => n - 2), field = fieldOf(volume), look = functionOf(volume.knots);
-  const direction = [0, 0, 0], begin = [0, 0, 0], step = [0, 0, 0], shown = new Float64Array(4);
+export function castVolume(volume, rays, distance) {
+  const { values, size, unit, light, hidden } = volume, { width, height } = rays, picture = new Float32Array(4 * width * height);
+  const nx = size[0], slice = nx * size[1], [endX, endY, endZ] = size.map(n => n - 2), field = light && fieldOf(volume);
+  const { places, inverses, columns, rises } = piecesOf(volume.knots), lastSegment = inverses.length - 1;
+  const cut = { begin: [0, 0, 0], step: [0, 0, 0], steps: 0, length: 0 }, shown = [0, 0, 0];
   for (let row = 0, pixel = 0; row < height; ++row) {
     for (let column = 0; column < width; ++column, pixel += 4) {
-      let enter = 0, leave = Infinity, squared = 0;
-      for (let k = 0; k < 3; ++k) {
-        const d = across[k] * (column + 0.5) + down[k] * (row + 0.5) + corner[k] || 1e-200;
-        const first = -eye[k] / d, second = (last[k] - eye[k]) / d;
-        enter = Math.max(enter, Math.min(first, second));
-        leave = Math.min(leave, Math.max(first, second));
-        direction[k] = d;
-        squared += (d * spacing[k] / distance) ** 2;
-      }
-      if (!(leave > enter)) continue;
-      const length = (leave - enter) * Math.sqrt(squared), steps = Math.max(Math.ceil(length - SLACK), 1), units = length / steps * distance / unit;
-      for (let k = 0; k < 3; ++k) {
-        const from = Math.min(Math.max(eye[k] + enter * direction[k], 0), last[k]), to = Math.min(Math.max(eye[k] + leave * direction[k], 0), last[k]);
-        begin[k] = from;
-        step[k] = (to - from) / steps;
-      }
+      if (!enters(volume, rays, column + 0.5, row + 0.5, distance, cut)) continue;
+      const { begin, step, steps } = cut, units = cut.length / unit;
       const [beginX, beginY, beginZ] = begin, [stepX, stepY, stepZ] = step;
-      let through = 1, red = 0, green = 0, blue = 0;
-      for (let s = 0.5; s < steps && through >= OPAQUE; ++s) {
+      let through = 1, red = 0, green = 0, blue = 0, segment = 0;
+      for (let s = 0.5; s < steps && through >= OPAQUE; ++s) { // without calls, which take as long as all else
         const x = beginX + s * stepX, y = beginY + s * stepY, z = beginZ + s * stepZ;
-        if (!look(Math.min(Math.max(field(x, y, z), 0), 1), shown)) continue;
-        if (hidden && hidden[Math.min(Math.floor(z), endZ) * slice + Math.min(Math.floor(y), endY) * nx + Math.min(Math.floor(x), endX)]) continue;
-        const absorbed = shown[0] < 1 ? -Math.log1p(-shown[0]) : MOST_DEPTH, weight = -through * Math.expm1(-absorbed * units);
-        if (light) shine(field, volume, [x, y, z], step, shown);
-        red += weight * shown[1];
-        green += weight * shown[2];
-        blue += weight * shown[3];
+        const i = x < endX ? x | 0 : endX, j = y < endY ? y | 0 : endY, k = z < endZ ? z | 0 : endZ, at = k * slice + j * nx + i, up = at + slice;
+        const a = x - i, b = y - j, near = values[at] + a * (values[at + 1] - values[at]), above = values[up] + a * (values[up + 1] - values[up]);
+        const low = near + b * (values[at + nx] + a * (values[at + nx + 1] - values[at + nx]) - near);
+        const high = above + b * (values[up + nx] + a * (values[up + nx + 1] - values[up + nx]) - above);
+        const free = low + (z - k) * (high - low), value = free > 0 ? free < 1 ? free : 1 : 0;
+        while (value >= places[segment + 1] && segment < lastSegment) ++segment;
+        while (value < places[segment]) --segment;
+        const four = 4 * segment, share = (value - places[segment]) * inverses[segment], opacity = columns[four] + share * rises[four];
+        if (!(opacity > 0) || hidden && hidden[at]) continue;
+        const depth = (opacity < 1 ? -Math.log1p(-opacity) : MOST_DEPTH) * units;
+        const weight = through * (depth < 0.01 ? depth * (1 - depth * (0.5 - depth * (1 / 6 - depth / 24))) : 1 - Math.exp(-depth));
+        if (light) {
+          for (let c = 0; c < 3; ++c) shown[c] = columns[four + c + 1] + share * rises[four + c + 1];
+          shine(field, volume, [x, y, z], step, shown);
+          red += weight * shown[0];
+          green += weight * shown[1];
+          blue += weight * shown[2];
+        } else {
+          red += weight * (columns[four + 1] + share * rises[four + 1]);
+          green += weight * (columns[four + 2] + share * rises[four + 2]);
+          blue += weight * (columns[four + 3] + share * rises[four + 3]);
+        }
         through -= weight;
       }
       picture[pixel] = red;
@@ -51,6 +53,28 @@ export function castVolume(volume, { eye, across, down, corner, width, height },
     }
   }
   return picture;
+}
+
+/** Cut the ray of a pixel's middle in a volume into equal steps of a world length, into `cut`; false where it misses. */
+function enters({ size, spacing }, { eye, across, down, corner }, column, row, distance, cut) {
+  let enter = 0, leave = Infinity, squared = 0;
+  for (let k = 0; k < 3; ++k) {
+    const d = across[k] * column + down[k] * row + corner[k] || 1e-200, first = -eye[k] / d, second = (size[k] - 1 - eye[k]) / d;
+    enter = Math.max(enter, Math.min(first, second));
+    leave = Math.min(leave, Math.max(first, second));
+    squared += (d * spacing[k] / distance) ** 2;
+    cut.step[k] = d;
+  }
+  if (!(leave > enter)) return false;
+  const length = (leave - enter) * Math.sqrt(squared), steps = Math.max(Math.ceil(length - SLACK), 1);
+  for (let k = 0; k < 3; ++k) {
+    const d = cut.step[k], last = size[k] - 1;
+    cut.begin[k] = Math.min(Math.max(eye[k] + enter * d, 0), last);
+    cut.step[k] = (Math.min(Math.max(eye[k] + leave * d, 0), last) - cut.begin[k]) / steps;
+  }
+  cut.steps = steps;
+  cut.length = length / steps * distance;
+  return true;
 }
 
 /** The field at a place in samples, beyond the box that on its face. */
@@ -69,25 +93,15 @@ function fieldOf({ values, size: [nx, ny, nz] }) {
   };
 }
 
-/** Opacity and colour of knots at a value, into an output (4,); false where nothing is seen. */
-function functionOf(knots) {
+/** The pieces of a function between knots: their places, one over their lengths, and four columns with what these rise by. */
+function piecesOf(knots) {
   const places = Float64Array.from(knots, knot => knot[0]), columns = Float64Array.from(knots.flatMap(knot => knot.slice(1)));
-  const inverses = places.map((place, k) => 1 / (places[k + 1] - place));
-  return (value, output) => {
-    let low = 0, high = places.length - 1;
-    while (high - low > 1) {
-      const middle = low + high >> 1;
-      if (value >= places[middle]) low = middle;
-      else high = middle;
-    }
-    const share = (value - places[low]) * inverses[low];
-    for (let c = 0, at = 4 * low; c < 4; ++c, ++at) output[c] = columns[at] + share * (columns[at + 4] - columns[at]);
-    return output[0] > 0;
-  };
+  const inverses = places.subarray(1).map((place, k) => 1 / (place - places[k])), rises = columns.subarray(4).map((x, k) => x - columns[k]);
+  return { places, inverses, columns, rises };
 }
 
-/** The last three of `shown` under a two-sided headlight, by central differences over one sample to either side. */
-function shine(field, { spacing, light }, place, step, shown) {
+/** A colour under a two-sided headlight, in place, by central differences over one sample to either side. */
+function shine(field, { spacing, light }, place, step, color) {
   let largest = 0, along = 0, squared = 0, length = 0;
   const slopes = [0, 1, 2].map(axis => {
     const [ahead, behind] = [1, -1].map(side => field(...place.map((x, k) => k === axis ? x + side : x)));
@@ -101,8 +115,7 @@ function shine(field, { spacing, light }, place, step, shown) {
     squared += slope * slope;
     length += ray * ray;
   }
-  const colors = lit(light, Array.from(shown.subarray(1)), squared > 0 ? Math.min(Math.abs(along) / Math.sqrt(squared * length), 1) : 0);
-  for (let k = 0; k < 3; ++k) shown[k + 1] = colors[k];
+  lit(light, color, squared > 0 ? Math.min(Math.abs(along) / Math.sqrt(squared * length), 1) : 0).forEach((channel, k) => { color[k] = channel; });
 }
 
 /** A colour under a headlight, by the cosine between the view and the normal. */

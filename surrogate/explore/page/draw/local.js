@@ -12,13 +12,24 @@ import { paintMarks } from "explore/overlay.js";
 const given = JSON.parse(new TextDecoder().decode(await unpacked("surrogate")));
 export const model = modelOf(await unpacked("tensors"), await unpacked("field"), given.record);
 export const doubt = given.expected.survey ? new Doubt(given.expected, given.facts.parameters) : null;
-let graphics = null, refusal = "";
-try {
-  graphics = new Graphics(document.createElement("canvas"));
-} catch (error) {
-  refusal = error.message;
+const canvas = document.createElement("canvas");
+let refusal = "";
+export const ways = new Ways(model, given, graphicsOf());
+canvas.addEventListener("webglcontextlost", event => {
+  event.preventDefault();
+  ways.use(null);
+});
+canvas.addEventListener("webglcontextrestored", () => ways.use(graphicsOf()));
+
+/** Graphics on the card; null, and why, without. */
+function graphicsOf() {
+  try {
+    return new Graphics(canvas);
+  } catch (error) {
+    refusal = error.message;
+    return null;
+  }
 }
-const ways = new Ways(model, given, graphics);
 
 /** The bytes of an element that holds base64 of gzip; null where it is empty. */
 async function unpacked(id) {
@@ -38,7 +49,7 @@ export const drawable = null, expected = null;
 export const listen = () => {};
 
 export async function facts() {
-  const besides = { [CARD]: graphics?.renderer, [SCRIPTS]: refusal && `for ${refusal}` };
+  const besides = { [CARD]: ways.graphics?.renderer, [SCRIPTS]: refusal && `for ${refusal}` };
   return { ...given.facts, model: { ...given.facts.model, best: "what is best and fastest here", representations: ways.listed(besides) } };
 }
 

@@ -14,12 +14,19 @@ const DEVICES = { [CARD]: "graphics card", [SCRIPTS]: "scripts" };
 export class Ways {
   /** Of a model, what its page holds, and graphics, null without. */
   constructor(model, { megabytes, best, facts }, graphics) {
-    Object.assign(this, { model, megabytes, best, graphics });
+    Object.assign(this, { model, megabytes, best });
     this.maps = Object.fromEntries(facts.variations.flatMap(one => one.color_maps ?? []).map(({ name, points }) => [name, points]));
-    this.device = graphics && !graphics.software ? CARD : SCRIPTS;
     this.engines = new Map(); // that have drawn, by what they draw and their devices
+    this.use(graphics);
     const held = Object.keys(megabytes);
     this.kinds = held.length > 1 ? [...held, BOTH] : held;
+  }
+
+  /** Draw by other graphics from now on; by scripts alone while these are null, such as after a card was lost. */
+  use(graphics) {
+    this.graphics = graphics;
+    this.device = graphics && !graphics.software ? CARD : SCRIPTS;
+    for (const own of this.engines.values()) delete own[CARD];
   }
 
   /** All ways: [{name, words, megabytes}], in the words on devices besides. */
@@ -34,7 +41,8 @@ export class Ways {
   /** What draws a setting: [kind, device]. */
   of({ using, visualization, color_map: map, function: free }) {
     const [kind, device] = using ? using.split("-") : [this.best[questionOf(visualization, map || free)], this.device];
-    return [this.model.fields && !follows(this.model, visualization, map || free) ? FIELD : kind, device];
+    const follower = this.model.fields && !follows(this.model, visualization, map || free) ? FIELD : kind;
+    return [follower, this.graphics ? device : SCRIPTS];
   }
 
   wordsOf(setting) {

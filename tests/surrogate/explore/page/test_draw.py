@@ -87,6 +87,21 @@ def test_any_transfer_function_is_drawn(page: Page, tmp_path: Path) -> None:
             assert decibels(picture, expected) >= worst, (engine, name)
 
 
+@pytest.mark.slow
+def test_half_floats_lose_little(page: Page, tmp_path: Path) -> None:
+    surrogate = carrying()
+    opened(page, surrogate, tmp_path)
+    without = "name => name === 'EXT_float_blend' ? null : own.call(this, name)"
+    page.evaluate(
+        "() => { const { prototype } = WebGL2RenderingContext, own = prototype.getExtension;"
+        f"prototype.getExtension = function (name) {{ return ({without})(name); }}; }}"
+    )
+    cases = [{"parameters": surrogate.space.middle, "camera": camera.to_json()} for camera in cameras(3)]
+    for found, camera in zip(drawn(page, cases, "card"), cameras(3), strict=True):
+        expected = surrogate.at(surrogate.space.middle).render(camera, background=WHITE)
+        assert decibels(found, expected) >= 65.0
+
+
 @pytest.mark.parametrize("engine", ["card", "scripts"])
 @pytest.mark.parametrize(
     ("name", "look"),
@@ -156,6 +171,30 @@ def test_a_file_opens_without_a_request_and_all_controls_work(page: Page, tmp_pa
     assert saved.value.suggested_filename == "a run.png"
     assert serious_findings(page) == []
     assert requests == [(tmp_path / "page.html").as_uri()]
+
+
+@pytest.mark.slow
+def test_scripts_draw_while_the_card_is_lost(page: Page, tmp_path: Path) -> None:
+    opened(page, colored(), tmp_path)
+    script = """async request => {
+      const { frame, ways } = await import("draw/local.js"), found = [], { canvas, gl } = ways.graphics;
+      const draw = async () => { found.push((await frame(request)).by[0]); };
+      const lose = gl.getExtension("WEBGL_lose_context");
+      const event = name => new Promise(resolve => canvas.addEventListener(name, () => setTimeout(resolve)));
+      await draw();
+      const lost = event("webglcontextlost"), restored = event("webglcontextrestored");
+      lose.loseContext();
+      await lost;
+      await draw();
+      lose.restoreContext();
+      await restored;
+      await draw();
+      return found;
+    }"""
+    seen = {"position": [1e3, -2.1e3, 5.0], "target": CENTER.tolist(), "up": [0.0, 0.0, 1.0], "field": 40.0}
+    setting = {"parameters": colored().space.middle, "visualization": {}, "color_map": "", "using": "gaussians-card"}
+    request = {"settings": [setting], "camera": seen, "size": [SIDE, SIDE], "background": "#000000", "form": "png"}
+    assert page.evaluate(script, request) == ["graphics card", "scripts", "graphics card"]
 
 
 def test_names_are_words_and_never_markup(page: Page, tmp_path: Path) -> None:
