@@ -11,7 +11,15 @@ import click
 from catalogs.commands import one_line_errors
 from catalogs.progress import ProgressLine
 from surrogate.command_line import RUN
-from surrogate.explore.exporting.kinds import FILM_STEPS, FRAMES_PER_SECOND, KINDS, ROW_STEPS, SHEET_STEPS
+from surrogate.explore.exporting.kinds import (
+    FILM_STEPS,
+    FRAMES_PER_SECOND,
+    GAUSSIAN_KINDS,
+    KINDS,
+    REFIT_STEPS,
+    ROW_STEPS,
+    SHEET_STEPS,
+)
 
 PARAMETERS = click.option(
     "-p",
@@ -78,20 +86,29 @@ SIZE = click.option(
     help="Modes of the emulated field in a page; 0 leaves it out.  [default: all, where it draws best]",
 )
 @click.option(
+    "--refit",
+    default=REFIT_STEPS,
+    show_default=True,
+    metavar="STEPS",
+    type=click.IntRange(min=0),
+    help="By which the Gaussians of .glb, .ply or .spz are fitted to our pictures as other viewers draw them; 0: as trained.",
+)
+@click.option(
     "-o",
     "--output",
     required=True,
     type=click.Path(path_type=Path),
-    help="FILE.png, .exr, .html, .ply or .vti; a folder names a picture.",
+    help="FILE.png, .exr, .html, .glb, .ply, .spz or .vti; a folder names a picture.",
 )
 def export(run: Path, output: Path, **options: Any) -> None:
-    """Write what the surrogate in RUN (such as runs/tgv) shows: a picture, its Gaussians as PLY, or its emulated fields as VTI.
+    """Write what the surrogate in RUN (such as runs/tgv) shows: a picture, its Gaussians, or its emulated fields as VTI.
 
     PNG has 8 bits and straight alpha, EXR 32 and premultiplied alpha; both keep how they were made, and what error to expect, if
-    the explorer has measured it.  HTML is the explorer in one file, which a browser opens and draws without a program.  VTI, which
-    ParaView opens, has the fields' units and standard deviations.
+    the explorer has measured it.  Gaussians for other viewers are glTF (KHR_gaussian_splatting), PLY or SPZ.  HTML is the explorer
+    in one file, which a browser opens and draws without a program.  VTI, which ParaView opens, has the fields' units and standard
+    deviations.
     """
-    _write(run, output, ("png", "exr", "html", "ply", "vti"), options)
+    _write(run, output, ("png", "exr", "html", *GAUSSIAN_KINDS, "vti"), options)
 
 
 @click.command()
@@ -159,7 +176,8 @@ def _write(folder: Path, output: Path, kinds: Sequence[str], options: Mapping[st
         for sentence in extrapolations(request, run):
             click.echo(sentence, err=True)
         with ProgressLine() as line:
-            content = request.content(run, lambda *counts: line.count("drawing", *counts) if counts else None, doubt)
+            stage = "fitting" if kind in GAUSSIAN_KINDS else "drawing"
+            content = request.content(run, lambda *counts: line.count(stage, *counts) if counts else None, doubt)
         if is_folder:
             output.mkdir(exist_ok=True)
             output /= f"{file_name(run, request)}.{KINDS[kind][0]}"

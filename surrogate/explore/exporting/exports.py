@@ -24,14 +24,18 @@ from surrogate.explore.exporting.annotations import PARTS
 from surrogate.explore.exporting.comparison import comparison
 from surrogate.explore.exporting.expectations import Expectations
 from surrogate.explore.exporting.films import film_bytes
-from surrogate.explore.exporting.kinds import FILM_STEPS, FRAMES_PER_SECOND, KINDS
+from surrogate.explore.exporting.glb import glb_bytes
+from surrogate.explore.exporting.kinds import FILM_STEPS, FRAMES_PER_SECOND, GAUSSIAN_KINDS, KINDS
 from surrogate.explore.exporting.marks import all_annotated, annotated, annotations_of
 from surrogate.explore.exporting.naming import file_name
 from surrogate.explore.exporting.page import page_bytes, page_contents
 from surrogate.explore.exporting.pictures import encode, record_for
 from surrogate.explore.exporting.ply import ply_bytes
+from surrogate.explore.exporting.refit import refitted
 from surrogate.explore.exporting.sheets import captioned, strip
 from surrogate.explore.exporting.snippet import snippet
+from surrogate.explore.exporting.splats import Splats
+from surrogate.explore.exporting.spz import spz_bytes
 from surrogate.explore.exporting.sweep import Axis, Sweep, axis_of, pictures, settings
 from surrogate.explore.request import Color, MessageError, frame_request
 from surrogate.explore.run import Run
@@ -77,19 +81,32 @@ class PictureRequest:
 
 @dataclass(frozen=True, eq=False)
 class GaussiansRequest:
-    """The Gaussians as PLY, for other viewers."""
+    """The Gaussians for other viewers, fitted to our pictures by their rule in `refit` steps; 0 leaves them as they are."""
 
     setting: Setting
+    form: Literal["ply", "glb", "spz"] = "ply"
+    refit: int = 0
 
     def content(self, run: Run, progress: Progress, doubt: Doubt | None = None) -> bytes:
         if GAUSSIANS not in run.surrogate.representations:
-            raise ValueError("a .ply holds Gaussians, and this surrogate has none: `surrogate train RUN` trains them")
+            raise ValueError(
+                f"a .{self.form} holds Gaussians, and this surrogate has none: `surrogate train RUN` trains them"
+            )
         gaussians = replace(self.setting, using=GAUSSIANS).member(run.surrogate)
         assert isinstance(gaussians, DeformedGaussians)
-        return ply_bytes(gaussians)
+        splats = Splats.of(gaussians)
+        if self.refit > 0:
+            member, placed = self.setting.member(run.surrogate), gaussians.normalization
+
+            def fitted(done: int, total: int) -> None:
+                progress(done, total, "steps")
+
+            splats = refitted(splats, member.render, run.cameras, placed, self.refit, fitted)
+        return {"ply": ply_bytes, "glb": glb_bytes, "spz": spz_bytes}[self.form](splats)
 
     def summary(self, run: Run) -> str:
-        return f"{len(run.surrogate.gaussians):,} Gaussians, {self.setting.described(run.origins)}"
+        fitted = ", fitted for other viewers" if self.refit > 0 else ""
+        return f"{len(run.surrogate.gaussians):,} Gaussians{fitted}, {self.setting.described(run.origins)}"
 
 
 @dataclass(frozen=True, eq=False)
@@ -280,8 +297,8 @@ def from_message(message: Any, run: Run) -> Request:
     arguments, kind = (frame.settings[0], frame.camera, frame.background), message.get("kind")
     if kind not in tuple(KINDS):
         raise MessageError(f"kind must be one of {', '.join(KINDS)}, got {str(kind)[:40]!r}")
-    if kind == "ply":
-        return GaussiansRequest(frame.settings[0])
+    if kind in GAUSSIAN_KINDS:
+        return GaussiansRequest(frame.settings[0], kind)
     if kind == "html":
         return PageRequest(frame.settings[0])
     if kind == "vti":

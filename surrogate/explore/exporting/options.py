@@ -26,7 +26,7 @@ from surrogate.explore.exporting.exports import (
     PictureRequest,
     SheetRequest,
 )
-from surrogate.explore.exporting.kinds import FILM_STEPS, ROW_STEPS, SHEET_STEPS
+from surrogate.explore.exporting.kinds import FILM_STEPS, GAUSSIAN_KINDS, ROW_STEPS, SHEET_STEPS
 from surrogate.explore.exporting.sweep import Axis, Sweep, axis_of, parameters_of
 from surrogate.explore.functions import function_of, record_of_function
 from surrogate.explore.request import Color, setting_of
@@ -57,8 +57,8 @@ def from_options(options: Mapping[str, Any], kind: Any, run: Run) -> CommandRequ
         parts = ()
     function = _function_in(options["function"]) if options.get("function") else None
     setting = _setting(run, options["parameters"], options["color_map"], like, options["using"], function)
-    if kind == "ply":
-        return GaussiansRequest(setting)
+    if kind in GAUSSIAN_KINDS:
+        return GaussiansRequest(setting, kind, options["refit"])
     if kind == "html":
         modes = options["field_modes"]
         if modes is not None and modes < 0:

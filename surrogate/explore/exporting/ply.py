@@ -7,24 +7,17 @@ Rendering" (`GaussianModel.save_ply`): binary little-endian PLY, one vertex of f
 from __future__ import annotations
 
 import json
-import math
 from typing import Any
 
 import numpy as np
-import torch
 from numpy.typing import NDArray
-from torch import Tensor
 
-from surrogate.gaussians import Gaussians
-from surrogate.model import DeformedGaussians
+from surrogate.explore.exporting.splats import CHANNELS, Splats
 
-SH_C0 = 0.28209479177387814  # sqrt(1 / (4 pi)), the real spherical harmonic of degree 0
-SH_C2 = (1.0925484305920792, -1.0925484305920792, 0.31539156525252005, -1.0925484305920792, 0.5462742152960396)
-CHANNELS = 3
-NODES = 64  # of the quadrature over how much a surface faces the viewer
+SMALLEST = 1e-7  # opacities are cut to this distance from 0 and 1: the format has their logits
 
 
-def ply_bytes(deformed: DeformedGaussians) -> bytes:
+def ply_bytes(splats: Splats) -> bytes:
     """The Gaussians as a PLY file, in world units.
 
     Properties are x y z, nx ny nz (zeros), f_dc_0..2, f_rest_*, opacity, scale_0..2, rot_0..3.  These are logits of opacities,
@@ -46,11 +39,11 @@ def ply_bytes(deformed: DeformedGaussians) -> bytes:
     - they lack the background that opaque images were trained on (`Surrogate.background`);
     - some, such as the reference's own, accept only all 45 f_rest of degree 3 unless the degree is given.
     """
-    table = _table(deformed)
+    table = _table(splats)
     header = (
         "ply",
         "format binary_little_endian 1.0",
-        f"comment gs-surrogate {json.dumps(dict(deformed.parameters))}",  # ASCII, and one line whatever the names hold
+        f"comment gs-surrogate {json.dumps(dict(splats.parameters))}",  # ASCII, and one line whatever the names hold
         f"element vertex {len(table)}",
         *(f"property float {name}" for name in table.dtype.names or ()),
         "end_header",
@@ -58,49 +51,26 @@ def ply_bytes(deformed: DeformedGaussians) -> bytes:
     return "".join(f"{line}\n" for line in header).encode("ascii") + table.tobytes()
 
 
-def _table(deformed: DeformedGaussians) -> NDArray[Any]:
+def _table(splats: Splats) -> NDArray[Any]:
     """One structured row per Gaussian, (N,)."""
-    gaussians = deformed.gaussians
-    quats = _array(gaussians.quats)  # [N, 4]
-    coefficients = _coefficients(gaussians)  # [N, K, 3]
-    rest = coefficients[:, 1:].transpose(0, 2, 1).reshape(len(deformed), -1)  # [N, 3 (K - 1)], channel by channel
+    harmonics = splats.harmonics  # [N, K, 3]
+    rest = harmonics[:, 1:].transpose(0, 2, 1).reshape(len(splats), -1)  # [N, 3 (K - 1)], channel by channel
+    opacities = splats.opacities.clip(SMALLEST, 1.0 - SMALLEST)
     columns = {
-        ("x", "y", "z"): deformed.means,
-        ("nx", "ny", "nz"): np.zeros((len(deformed), 3)),
-        _numbered("f_dc", CHANNELS): (coefficients[:, 0] - 0.5) / SH_C0,
+        ("x", "y", "z"): splats.means,
+        ("nx", "ny", "nz"): np.zeros((len(splats), 3)),
+        _numbered("f_dc", CHANNELS): harmonics[:, 0],
         _numbered("f_rest", rest.shape[1]): rest,
-        ("opacity",): _array(gaussians.opacity_logits)[:, None],
-        _numbered("scale", 3): _array(gaussians.log_scales) + math.log(deformed.normalization.extent),
-        _numbered("rot", 4): quats / np.linalg.norm(quats, axis=1, keepdims=True),
+        ("opacity",): (np.log(opacities) - np.log1p(-opacities))[:, None],
+        _numbered("scale", 3): np.log(splats.scales),
+        _numbered("rot", 4): splats.quats,
     }
-    table = np.empty(len(deformed), dtype=[(name, "<f4") for names in columns for name in names])
+    table = np.empty(len(splats), dtype=[(name, "<f4") for names in columns for name in names])
     for names, values in columns.items():
         for name, column in zip(names, values.T, strict=True):
             table[name] = column
     return table
 
 
-def _coefficients(gaussians: Gaussians) -> NDArray[np.float64]:
-    """Colours by direction, (N, K, 3): the constant, then the factors of spherical harmonics as the reference has them."""
-    colors = _array(gaussians.colors)  # [N, 3 K]
-    if gaussians.lighting is None:
-        return colors.reshape(len(gaussians), -1, CHANNELS)
-    lengths = np.linalg.norm(colors, axis=1, keepdims=True)  # [N, 1]
-    x, y, z = (colors / np.maximum(lengths, 1e-30)).T  # [N] each
-    harmonics = np.stack([x * y, y * z, 2 * z * z - x * x - y * y, x * z, x * x - y * y], axis=1) * SH_C2  # [N, 5]
-    nodes, weights = np.polynomial.legendre.leggauss(NODES)
-    nodes, weights = (nodes + 1.0) / 2.0, weights / 2.0  # [Q], over cosines from 0 to 1
-    facing = torch.from_numpy(lengths * nodes).reshape(-1, 1)  # [N Q, 1]
-    shades = gaussians.lighting.colors(facing, torch.ones_like(facing)).numpy().reshape(len(colors), NODES, CHANNELS)
-    constant = np.einsum("nqc,q->nc", shades, weights)  # [N, 3]
-    second = np.einsum("nqc,q->nc", shades, weights * (1.5 * nodes**2 - 0.5)) * 4.0 * math.pi  # [N, 3], Funk-Hecke
-    rest = harmonics[:, :, None] * second[:, None]  # [N, 5, 3]
-    return np.concatenate([constant[:, None], np.zeros_like(rest[:, :3]), rest], axis=1)
-
-
 def _numbered(name: str, count: int) -> tuple[str, ...]:
     return tuple(f"{name}_{i}" for i in range(count))
-
-
-def _array(tensor: Tensor) -> NDArray[np.float64]:
-    return tensor.detach().double().cpu().numpy()

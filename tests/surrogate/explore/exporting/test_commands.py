@@ -20,6 +20,7 @@ from surrogate import Surrogate
 from surrogate.answers.doubt import Doubt
 from surrogate.explore.exporting.commands import export, sweep
 from surrogate.explore.exporting.ply import ply_bytes
+from surrogate.explore.exporting.splats import Splats
 from surrogate.explore.exporting.sweep import Axis, Sweep, settings
 from surrogate.explore.run import Run
 from surrogate.explore.setting import Setting
@@ -84,8 +85,8 @@ def test_an_exr_keeps_every_bit_at_any_size_on_any_background(run: Path, tmp_pat
 
 def test_a_ply_holds_the_gaussians_and_needs_no_catalog(tmp_path: Path) -> None:
     plain().save(tmp_path / "surrogate")
-    result = done(export, tmp_path, "-o", tmp_path / "a.ply")
-    assert (tmp_path / "a.ply").read_bytes() == ply_bytes(plain().at(p=0.5))  # the middle of the bounds
+    result = done(export, tmp_path, "--refit", 0, "-o", tmp_path / "a.ply")
+    assert (tmp_path / "a.ply").read_bytes() == ply_bytes(Splats.of(plain().at(p=0.5)))  # the middle of the bounds
     assert result.stdout == f"{tmp_path / 'a.ply'}: 12 Gaussians, p=0.5\n"
 
 
@@ -202,7 +203,7 @@ def test_films(run: Path, tmp_path: Path, ending: str) -> None:
 
 
 def test_extrapolation_is_reported(run: Path, tmp_path: Path) -> None:
-    result = done(export, run, "-p", "p=1.5", "-o", tmp_path / "a.ply")
+    result = done(export, run, "-p", "p=1.5", "--refit", 0, "-o", tmp_path / "a.ply")
     assert result.stderr == "p = 1.5 lies outside its bounds [0, 1]: extrapolating beyond the training range\n"
     result = done(sweep, run, "--over", "p", "--to", 2, "--steps", 2, "-o", tmp_path / "a.png")
     assert "p = 0 to 2 lies outside its bounds [0, 1]: extrapolating beyond the training range\n" in result.stderr
@@ -211,7 +212,7 @@ def test_extrapolation_is_reported(run: Path, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("command", "arguments", "complaint"),
     [
-        (export, ("-o", "a.tiff"), "must end with one of .png, .exr, .html, .ply, .vti, got a.tiff"),
+        (export, ("-o", "a.tiff"), "must end with one of .png, .exr, .html, .ply, .glb, .spz, .vti, got a.tiff"),
         (export, ("-o", "a.vti"), "this surrogate knows no field values: its catalog keeps no coarse fields"),
         (export, ("-a", "dvr", "-o", "a.png"), "-a names fields of a .vti file, got a.png"),
         (export, ("-o", "absent/a.png"), "absent is not a folder: make it first"),

@@ -103,7 +103,20 @@ def test_what_is_no_message_is_refused(run: Run) -> None:
 def test_names_of_files_are_harmless() -> None:
     made = exported(message(kind="png"), Run('../a"\r\nX: y', plain()))
     assert re.fullmatch(r"a-X-y-p-0.25-[0-9a-f]{6}\.png", made.name)
-    assert set(KINDS) == {"comparison", "png", "exr", "ply", "vti", "html", "python", "sheet", "gif", "mp4"}
+    assert set(KINDS) == {
+        "comparison",
+        "png",
+        "exr",
+        "ply",
+        "glb",
+        "spz",
+        "vti",
+        "html",
+        "python",
+        "sheet",
+        "gif",
+        "mp4",
+    }
     assert json.dumps(made.name)
 
 
@@ -139,7 +152,7 @@ def test_only_a_transparent_picture_has_alpha(run: Run) -> None:
 
 def test_gaussians_are_the_same(run: Run) -> None:
     asked = from_message(message(kind="ply"), run)
-    again = from_options(options(commands.export, "-p", "p=0.25"), "ply", run)
+    again = from_options(options(commands.export, "-p", "p=0.25", "--refit", 0), "ply", run)
     assert isinstance(asked, GaussiansRequest)
     assert asked.content(run, nothing) == again.content(run, nothing)
     assert again.summary(run) == f"{len(run.surrogate.gaussians)} Gaussians, p=0.25"

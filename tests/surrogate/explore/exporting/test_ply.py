@@ -11,7 +11,8 @@ import torch
 from numpy.typing import NDArray
 
 from catalogs.vocabulary.cameras import Camera
-from surrogate.explore.exporting.ply import SH_C0, SH_C2, ply_bytes
+from surrogate.explore.exporting.ply import ply_bytes
+from surrogate.explore.exporting.splats import SH_C0, SH_C2, Splats
 from surrogate.gaussians import Normalization
 from surrogate.lighting import Lighting
 from surrogate.model import DeformedGaussians
@@ -64,7 +65,7 @@ def decoded(content: bytes, position: NDArray[np.float64]) -> tuple[torch.Tensor
 def test_the_reference_formulas_draw_the_same_picture(color_columns: int) -> None:
     shown = deformed(color_columns)
     drawn = render(
-        *decoded(ply_bytes(shown), CAMERA.position),  # type: ignore[arg-type]
+        *decoded(ply_bytes(Splats.of(shown)), CAMERA.position),  # type: ignore[arg-type]
         CAMERA,
         near=shown.rasterizer.constants.near * EXTENT,
         dilation=shown.rasterizer.constants.dilation,
@@ -83,7 +84,7 @@ def test_the_properties_are_those_of_the_reference_in_its_order() -> None:
     plain = ["x", "y", "z", "nx", "ny", "nz", "f_dc_0", "f_dc_1", "f_dc_2"]
     last = ["opacity", "scale_0", "scale_1", "scale_2", "rot_0", "rot_1", "rot_2", "rot_3"]
     for columns, rest in ((3, 0), (12, 9)):
-        data = read(ply_bytes(deformed(columns)))
+        data = read(ply_bytes(Splats.of(deformed(columns))))
         assert data.byte_order == "<"
         assert not data.text
         assert [p.name for p in data["vertex"].properties] == [*plain, *(f"f_rest_{i}" for i in range(rest)), *last]
@@ -92,7 +93,7 @@ def test_the_properties_are_those_of_the_reference_in_its_order() -> None:
 
 def test_values_are_in_world_units_and_quaternions_of_unit_length() -> None:
     shown = deformed(12)
-    vertices = read(ply_bytes(shown))["vertex"]
+    vertices = read(ply_bytes(Splats.of(shown)))["vertex"]
     np.testing.assert_allclose(np.stack([vertices[a] for a in "xyz"], axis=1), shown.means, rtol=1e-6)
     np.testing.assert_allclose(np.exp(stacked(vertices, "scale_")), shown.scales, rtol=1e-5)
     quats = stacked(vertices, "rot_")
@@ -105,7 +106,7 @@ def test_values_are_in_world_units_and_quaternions_of_unit_length() -> None:
 def test_gsplat_sees_the_same_colours() -> None:
     harmonics = pytest.importorskip("gsplat.cuda._torch_impl")._spherical_harmonics
     shown = deformed(12)
-    vertices = read(ply_bytes(shown))["vertex"]
+    vertices = read(ply_bytes(Splats.of(shown)))["vertex"]
     rest = stacked(vertices, "f_rest_").reshape(-1, 3, 3).transpose(0, 2, 1)  # [N, 3 coefficients, 3 channels]
     coefficients = torch.from_numpy(np.concatenate([stacked(vertices, "f_dc_")[:, None], rest], axis=1))
     towards = torch.from_numpy(np.stack([vertices[a] for a in "xyz"], axis=1).astype(np.float64) - CAMERA.position)
@@ -119,7 +120,7 @@ def test_gsplat_sees_the_same_colours() -> None:
 def test_a_comment_says_where_in_the_ensemble_it_is() -> None:
     odd = replace(deformed(3), parameters={"Ω\nend_header": 0.3, "appearance": "speed"})
     for shown in (deformed(3), odd):
-        (comment,) = read(ply_bytes(shown)).comments
+        (comment,) = read(ply_bytes(Splats.of(shown))).comments
         assert json.loads(comment.removeprefix("gs-surrogate ")) == shown.parameters
 
 
@@ -128,7 +129,7 @@ def test_the_light_on_surfaces_is_its_projection_onto_harmonics_of_degree_2() ->
     plain = deformed(3)
     lighting, turns = Lighting((0.95, 0.72, 0.35), 0.15, 0.75, 0.2, 20.0), 0.5 + np.arange(4000)
     lit = replace(plain, gaussians=replace(plain.gaussians, lighting=lighting))
-    vertices = read(ply_bytes(lit))["vertex"]
+    vertices = read(ply_bytes(Splats.of(lit)))["vertex"]
     rest = stacked(vertices, "f_rest_").reshape(len(lit), 3, 8)  # channel, coefficient
     polar, around = np.arccos(1 - 2 * turns / 4000), np.pi * (1 + 5**0.5) * turns
     x, y, z = np.cos(around) * np.sin(polar), np.sin(around) * np.sin(polar), np.cos(polar)  # spread evenly
