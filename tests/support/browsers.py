@@ -75,7 +75,9 @@ def new_page(browser: Browser, complaints: list[str]) -> Iterator[NewPage]:
     contexts = []
 
     def make(**options: Any) -> Page:
-        context = browser.new_context(**{"viewport": DESKTOP, "reduced_motion": "reduce", **options})
+        context = browser.new_context(
+            **{"viewport": DESKTOP, "reduced_motion": "reduce", "color_scheme": "dark", **options}
+        )
         contexts.append(context)
         context.set_default_timeout(20_000)
         watch(context, complaints)

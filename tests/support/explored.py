@@ -54,9 +54,16 @@ def go(page: Page, address: str) -> None:
 
 
 def open_explorer(page: Page, address: str, state: str = "") -> None:
-    """Go there and wait for the first whole frame."""
+    """Go there, wait for the first whole frame, and unfold all groups of controls."""
     page.goto(f"{address}#{state}")
     settled(page)
+    unfold(page)
+
+
+def unfold(page: Page) -> None:
+    """Open all groups of controls, which stay open."""
+    page.evaluate("document.querySelectorAll('.group').forEach(group => { group.open = true; })")
+    page.wait_for_function("() => document.querySelectorAll('.group').length")
 
 
 def request_of(page: Page) -> dict[str, Any]:

@@ -2,10 +2,11 @@
 
 import { digits, digitsOf } from "../web/elements.js";
 import { PARTS } from "./annotations.js";
+import { BACKGROUNDS } from "./theme.js";
 import { ofWord, settled, wordOf } from "./functions.js";
 import { rounded as roundedOrbit } from "./orbit.js";
 import {
-  BACKGROUNDS, current, endsOf, firstSetting, kindsOf, firstState, firstSweep, FULL_SIZES, MODES, MOST_COUNT, pointsOf, possibleSweep, rangeOf,
+  current, endsOf, firstSetting, kindsOf, firstState, firstSweep, FULL_SIZES, MODES, MOST_COUNT, pointsOf, possibleSweep, rangeOf,
   sweepable, variation,
 } from "./state.js";
 
@@ -22,7 +23,7 @@ export function addressOf(state, facts) {
   const { direction, up, distance, target, field } = state.orbit;
   fields.set("camera", [...direction, ...up, distance, ...target, field].join(","));
   put("against", state.against, first.against);
-  put("background", state.background, first.background);
+  put("background", state.background, facts.background ?? BACKGROUNDS.dark); // whatever theme reads it
   put("full", state.full, first.full);
   put("hide", state.hidden.join(","), "");
   put("drawn", state.drawn, first.drawn);
@@ -54,7 +55,7 @@ export function stateOf(address, facts) {
   state.active = SIDES.indexOf(reading.choice("active", SIDES, "a"));
   state.against = reading.choice("against", facts.truth ? ["setting", "truth"] : ["setting"], state.against);
   state.orbit = readOrbit(reading, state.orbit);
-  state.background = readBackground(reading, state.background, facts);
+  state.background = readBackground(reading, reading.fields.size ? facts.background ?? BACKGROUNDS.dark : state.background, facts);
   state.full = Number(reading.choice("full", FULL_SIZES.map(String), String(state.full)));
   state.hidden = readHidden(reading);
   state.drawn = reading.choice("drawn", ["browser", "program"], "");

@@ -13,9 +13,12 @@ import { comparePanel, displayPanel, modelPanel, parameterPanel, sweepPanel, vie
 import { decoded, paint, sizeFor, squareOf } from "./pictures.js";
 import { runsPanel } from "./runs.js";
 import { current, messageOf, pointsOf, possibleSweep } from "./state.js";
+import { Room } from "./room.js";
 import { Steps } from "./steps.js";
 import { Stream } from "./stream.js";
-import { described, shortest, spanOf } from "./words.js";
+import { firstBackground } from "./theme.js";
+import { Trust } from "./trust.js";
+import { described } from "./words.js";
 
 const MOVING = 256; // side of images while something moves, pixels
 const LEAST_EXPORT = 256; // pixels of the shorter side of films and sheets
@@ -50,20 +53,20 @@ class Explorer {
       id: "stage", tabindex: 0, role: "application", "aria-label":
         "The ensemble: drag or use the arrow keys to turn it, with Shift to move it, wheel or + and − to come nearer, Home to reset",
     });
-    this.tabs = tabs("View mode", "mode", "stage-panel", "view", Object.entries(MODE_NAMES), mode => this.set({ mode }));
+    this.tabs = tabs("View mode", "mode", "stage-tab", "view", Object.entries(MODE_NAMES), mode => this.set({ mode }));
     this.alert = element("p", { id: "alert", role: "alert", hidden: true });
     this.lost = element("p", { id: "lost", role: "alert", hidden: true });
     this.note = element("div", { id: "note", role: "status", hidden: true });
     this.status = element("p", { id: "status" });
-    this.expected = element("p", { id: "expected", role: "status", tabindex: 0 });
+    this.trust = new Trust(this);
+    this.room = new Room(before => { if (this.state.background === before) this.set({ background: firstBackground() }); });
     this.colorbar = element("div", { id: "colorbar", hidden: true },
       element("span", {}, "0"), element("i", { "aria-hidden": "true" }), element("span", { id: "colorbar-high" }), element("span", { id: "compared", role: "status" }));
     this.side = element("aside", { "aria-label": "Controls" });
     document.body.replaceChildren(
-      element("header", { id: "top" }, element("h1", {}, facts.title), this.steps.box, this.tabs),
-      element("main", { id: "stage-panel", role: "tabpanel" }, this.note, this.stage, this.alert, this.lost, this.colorbar,
-        element("footer", { id: "caption" }, this.expected, this.status)),
-      this.side,
+      element("header", { id: "top" }, element("h1", {}, facts.title), this.tabs, this.steps.box, this.room.tools),
+      element("main", { id: "stage-panel" }, element("div", { id: "stage-tab", role: "tabpanel" }, this.note, this.stage, this.alert, this.lost, this.colorbar)),
+      this.side, this.room.keys,
     );
   }
 
@@ -89,11 +92,12 @@ class Explorer {
   arrange() {
     const { state } = this, swept = state.mode === "sweep" ? [state.sweep.name, state.sweep.second] : [];
     markTab(this.tabs, `mode-${state.mode}`);
-    document.getElementById("stage-panel").setAttribute("aria-labelledby", `mode-${state.mode}`);
+    document.getElementById("stage-tab").setAttribute("aria-labelledby", `mode-${state.mode}`);
+    document.body.dataset.mode = state.mode;
     this.controls = [parameterPanel(this, swept), runsPanel(this), visualizationPanel(this, swept)].filter(Boolean);
     const parts = [
-      state.mode === "compare" && comparePanel(this), state.mode === "sweep" && sweepPanel(this),
-      ...this.controls.map(panel => panel.box), viewPanel(this), displayPanel(this), exportPanel(this), modelPanel(this),
+      this.trust.box, state.mode === "compare" && comparePanel(this), state.mode === "sweep" && sweepPanel(this),
+      ...this.controls.map(panel => panel.box), viewPanel(this), displayPanel(this), exportPanel(this), modelPanel(this), this.status,
     ];
     const { id } = document.activeElement ?? {};
     this.side.replaceChildren(...parts.filter(Boolean));
@@ -298,31 +302,17 @@ class Explorer {
       : `${width}×${height} in ${answer.drawn.toFixed(0)} ms by the ${[...new Set(answer.by)].join(", ")}`;
     this.compared(answer, moving);
     if (moving) {
-      this.expected.textContent = ""; // what was measured at rest is of another picture
+      this.trust.clear();
       return;
     }
     this.expect(answer.expected);
     this.panes.forEach((p, i) => p.canvas.setAttribute("aria-label", this.spoken(i)));
   }
 
-  /** Say what error to expect, of each picture beside it. */
+  /** Say what error to expect; what is being measured is asked for again. */
   expect(expected) {
-    const { kind } = this.planned;
-    this.expected.classList.toggle("warning", Boolean(expected?.some(one => one.warning)));
-    if (!expected) {
-      this.expected.textContent = "Measuring what to expect here…";
-      if (this.facts.truth) setTimeout(() => this.stream.settle(), 2000);
-      return;
-    }
-    this.expected.textContent = kind === "sweep" ? spanOf(expected) : kind === "view" ? expected[0].sentence : "";
-    this.expected.title = `${this.expected.textContent}. A higher PSNR is better; from 40 dB on differences are hardly visible.`;
-    if (kind === "view") return;
-    expected.forEach((one, i) => {
-      const label = this.panes[i].expected;
-      label.textContent = kind === "sweep" ? shortest(one) : one.short;
-      label.title = one.short;
-      label.classList.toggle("warning", one.warning);
-    });
+    this.trust.say(expected, this.planned.kind, this.panes);
+    if (!expected && this.facts.truth) setTimeout(() => this.stream.settle(), 2000);
   }
 
   compared(answer, moving) {

@@ -1,7 +1,8 @@
 // What can be taken away: pictures, comparisons, films, Gaussians, a link, the code.
 
 import { exported } from "./connection.js";
-import { button, element, menu, section } from "../web/elements.js";
+import { group } from "./groups.js";
+import { button, element, menu } from "../web/elements.js";
 
 const GAUSSIANS = "ply", FIELDS = "vti";
 const PICTURES = { png: "PNG, parameters inside", exr: "EXR, parameters inside", [GAUSSIANS]: "Gaussians, 3DGS .ply", [FIELDS]: "Fields, VTK .vti", html: "Page without a program, .html", python: "Python that draws it" };
@@ -42,7 +43,7 @@ export function exportPanel(explorer) {
     explorer.writeAddress();
     await explorer.copy(location.href, "link");
   }, { id: "copy-link" });
-  return section("Export", kinds, sizes, element("div", { class: "buttons" }, saving, link));
+  return group("Export", kinds, sizes, element("div", { class: "buttons" }, saving, link));
 }
 
 function save({ name, blob }) {

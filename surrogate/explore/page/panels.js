@@ -1,11 +1,13 @@
 // The controls beside the picture, a section each.  `explorer` holds the state and hears what is changed.
 
-import { button, digits, digitsOf, element, field, menu, section, tabs } from "../web/elements.js";
+import { button, digits, digitsOf, element, field, menu, tabs } from "../web/elements.js";
 import { PARTS } from "./annotations.js";
+import { group } from "./groups.js";
 import { numberInput } from "./numbers.js";
 import { anglesOf, placedAt, PRESETS, seenFrom, widened, zoomed } from "./orbit.js";
 import { slider } from "./sliders.js";
-import { BACKGROUNDS, COUNTS, current, endsOf, FULL_SIZES, kindsOf, mostRows, rangeOf, sweepable, sweptOf, variation } from "./state.js";
+import { COUNTS, current, endsOf, FULL_SIZES, kindsOf, mostRows, rangeOf, sweepable, sweptOf, variation } from "./state.js";
+import { BACKGROUNDS } from "./theme.js";
 import { transferEditor } from "./transfer.js";
 import { extrapolation, KIND_NAMES } from "./words.js";
 
@@ -20,7 +22,7 @@ export function parameterPanel(explorer, swept) {
   const alone = facts.parameters.every(p => swept.includes(p.name));
   const legend = element("p", { class: "legend", hidden: alone }, element("i", { class: "train" }), "trained", element("i", { class: "validation" }), "validated");
   const members = memberMenu(explorer);
-  const box = section("Simulation parameters", ...sliders.map(s => s.box), legend, members?.box);
+  const box = group("Simulation parameters", ...sliders.map(s => s.box), legend, members?.box);
   const set = setting => {
     facts.parameters.forEach((p, i) => sliders[i].set(setting.parameters[p.name]));
     members?.set(setting);
@@ -57,9 +59,9 @@ export function visualizationPanel(explorer, swept) {
   const choose = kind => { current(explorer.state).kind = kind; explorer.set({}); document.getElementById(`kind-${kind}`).focus(); };
   const chooser = tabs("How the field is shown", "kind", "visualization-panel", setting.kind, kinds.map(kind => [kind, KIND_NAMES[kind]]), choose);
   const shown = kindPanel(explorer, setting.kind, swept);
-  if (kinds.length === 1) return { box: section("Visualization", shown.box), set: shown.set };
+  if (kinds.length === 1) return { box: group("Visualization", shown.box), set: shown.set };
   const panel = element("div", { id: "visualization-panel", role: "tabpanel", "aria-labelledby": `kind-${setting.kind}` }, shown.box);
-  return { box: section("Visualization", chooser, panel), set: shown.set };
+  return { box: group("Visualization", chooser, panel), set: shown.set };
 }
 
 function kindPanel(explorer, kind, swept) {
@@ -84,7 +86,7 @@ export function viewPanel(explorer) {
   const { facts } = explorer;
   const presets = element("div", { class: "buttons", role: "group", "aria-label": "Look from" }, ...Object.entries(PRESETS).map(([name, direction]) =>
     button(name, () => explorer.look(seenFrom(explorer.state.orbit, direction)), { "aria-label": `Look from ${name.replace("−", "minus ").replace("+", "plus ")}` })));
-  return section("View", presets, cameraNumbers(explorer), element("div", { class: "buttons" },
+  return group("View", presets, cameraNumbers(explorer), element("div", { class: "buttons" },
     button("Reset", () => explorer.look(facts.camera), { id: "reset-view" }),
     facts.truth && button("Nearest stored view", () => explorer.goToStored(found => explorer.look(found.orbit))),
     button("Copy camera", () => explorer.copy(JSON.stringify(explorer.request(false).camera), "camera"))));
@@ -115,7 +117,7 @@ export function displayPanel(explorer) {
   const hide = (part, isHidden) => explorer.set({ hidden: Object.keys(PARTS).filter(one => one === part ? isHidden : explorer.state.hidden.includes(one)) });
   if (facts.background) behind.push([facts.background, "trained"]);
   if (!behind.some(([color]) => color === state.background)) behind.push([state.background, state.background]);
-  return section("Display",
+  return group("Display",
     menu("Background", "background", state.background, behind, background => explorer.set({ background })),
     element("fieldset", { class: "checks" }, element("legend", {}, "In the picture"), ...Object.entries(PARTS).map(([part, name]) =>
       element("label", {}, element("input", { type: "checkbox", id: `show-${part}`, checked: !state.hidden.includes(part), onchange: event => hide(part, !event.target.checked) }), name))),
@@ -128,13 +130,13 @@ export function comparePanel(explorer) {
   const { state, facts } = explorer;
   const against = menu("With", "against", state.against, [["setting", "another setting"], ["truth", "the stored picture", !facts.truth]], chosen => explorer.set({ against: chosen }));
   if (state.against === "truth")
-    return section("Compare", against,
+    return group("Compare", against,
       element("p", { class: "hint" }, "The catalog holds pictures of its own members from its own views, and no others."),
       button("Nearest stored picture", () => explorer.goToStored(found => explorer.takeStored(found)), { id: "nearest-picture" }));
   const edit = element("div", { class: "buttons", role: "group", "aria-label": "Which setting the controls change" }, ...["A", "B"].map((name, i) =>
     button(`Change ${name}`, () => explorer.set({ active: i }), { id: `edit-${name}`, "aria-pressed": state.active === i })));
   const copy = () => { state.settings[1 - state.active] = structuredClone(current(state)); explorer.changed(); };
-  return section("Compare", against, edit, element("div", { class: "buttons" },
+  return group("Compare", against, edit, element("div", { class: "buttons" },
     button(`Copy ${"AB"[state.active]} to ${"BA"[state.active]}`, copy), button("Swap", () => explorer.set({ settings: [...state.settings].reverse() }))));
 }
 
@@ -143,7 +145,7 @@ export function sweepPanel(explorer) {
   const change = values => explorer.set({ sweep: { ...explorer.state.sweep, ...values } });
   const names = known.map(p => [p.name, p.name.replaceAll("_", " ")]), others = names.filter(([other]) => other !== first.name);
   const counted = (most, now) => [...new Set([...COUNTS.filter(n => n <= most), now])].sort((a, b) => a - b).map(n => [n, String(n)]);
-  return section("Sweep",
+  return group("Sweep",
     menu("Columns", "sweep-first", first.name, names, name => change({ name, low: "", high: "", ...(sweep.second === name && { second: "", secondLow: "", secondHigh: "" }) })),
     limits(sweep, first, false, change),
     menu("Images", "sweep-count", sweep.count, counted(Infinity, sweep.count), count => change({ count: +count })),
@@ -172,7 +174,7 @@ export function modelPanel(explorer) {
   const choose = using => { current(explorer.state).using = using; explorer.set({}); document.getElementById("using").focus(); };
   const facts = ({ name, words, megabytes, milliseconds }) => [name === "gaussians" ? `${model.gaussians.toLocaleString("en")} Gaussians` : words,
     `${rounded(megabytes)} MB`, milliseconds && `${rounded(milliseconds)} ms a picture`].filter(Boolean).join(", ");
-  return section("Model",
+  return group("Model",
     ways.length > 1 && menu("Drawn by", "using", setting.using, [["", model.best ?? "the best on validation"], ...ways.map(one => [one.name, one.words])], choose),
     element("p", { class: "hint" }, [...ways.map(facts), model.seconds && `trained in ${Math.round(model.seconds)} s`].filter(Boolean).join("; ")));
 }

@@ -2,8 +2,9 @@
 
 import { Doubt } from "draw/doubt.js";
 import { normalized } from "draw/parameters.js";
-import { digits, digitsOf, drawn, element, menu, section } from "../web/elements.js";
+import { digits, digitsOf, drawn, element, menu } from "../web/elements.js";
 import { survey } from "./connection.js";
+import { group } from "./groups.js";
 import { current, tidy } from "./state.js";
 
 const CELLS = 20, WIDTH = 288, HEIGHT = 190, LEFT = 40, BOTTOM = 30, TOP = 8, RIGHT = 8; // pixels of the drawing
@@ -31,7 +32,7 @@ class RunMap {
     });
     this.words = element("p", { class: "hint" });
     this.menus = names.length > 2 ? ["Across", "Up"].map((label, which) => menu(label, `map-${label.toLowerCase()}`, "", names, name => this.choose(which, name))) : [];
-    this.box = section("Runs", this.picture, this.words, ...this.menus);
+    this.box = group("Runs", this.picture, this.words, ...this.menus);
     this.paint([], ...this.axes());
     this.load();
   }

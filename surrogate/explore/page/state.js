@@ -8,10 +8,10 @@
 
 import { recordOf } from "./functions.js";
 import { rounded as roundedOrbit } from "./orbit.js";
+import { firstBackground } from "./theme.js";
 
 export const MODES = ["view", "compare", "sweep"];
 export const FULL_SIZES = [256, 384, 512, 768, 1024];
-export const BACKGROUNDS = { dark: "#101216", black: "#000000", white: "#ffffff", gray: "#808080" };
 export const COUNTS = [2, 3, 4, 5, 6, 7, 8, 10, 12];
 export const MOST_COUNT = 24;
 export const CELLS = 60; // pictures of a sweep at most
@@ -53,7 +53,7 @@ export function firstState(facts) {
     active: 0,
     against: "setting",
     orbit: roundedOrbit(facts.camera),
-    background: facts.background ?? BACKGROUNDS.dark,
+    background: facts.background ?? firstBackground(),
     full: 512,
     hidden: [],
     drawn: "",

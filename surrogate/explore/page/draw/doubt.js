@@ -41,7 +41,8 @@ export class Doubt {
   interval({ values, point, camera, transfer, using, trained }) {
     const beyond = this.parameters.filter(({ name, low, high }) => values[name] < low || values[name] > high).map(({ name }) => name);
     if (beyond.length) return said(NEVER, null, `${beyond.join(", ")} beyond the bounds`);
-    if (transfer && this.seen && newShare(this.seen, transfer) > NEW) return said(NEVER, null, "the transfer function shows values that no trained one showed");
+    const fresh = transfer && this.seen ? newShare(this.seen, transfer) : 0;
+    if (fresh > NEW) return said(NEVER, null, `no trained transfer function showed ${Math.round(100 * fresh)}% of what this one shows`);
     if (this.views && !covered(this.views, camera)) return said(NEVER, null, "no stored image looks from there");
     const shares = this.shares(point), [share] = shares, { like, between } = this.survey;
     const words = share <= like ? LIKE : share <= between ? BETWEEN : FAR;
