@@ -48,11 +48,16 @@ def difference_of(first: NDArray[np.float32], second: NDArray[np.float32]) -> Di
     squared = float(np.vdot(apart, apart)) / apart.size
     np.abs(apart, out=apart)
     errors = np.maximum(np.maximum(apart[..., 0], apart[..., 1]), apart[..., 2])  # [H, W]
-    place = int(SHOWN * (errors.size - 1))
-    reached = float(np.partition(errors, place, axis=None)[place])
-    high = next((high for high in RANGES if high >= reached), RANGES[-1])
+    high = reach(errors)
     places = np.minimum(errors * np.float32(ENTRIES / high), ENTRIES - 1).astype(np.uint8)
     return Difference(color_table().take(places, axis=0), high, decibels(squared), float(errors.max()))
+
+
+def reach(map_: NDArray[np.floating]) -> float:
+    """The smallest of `RANGES` that holds nearly all values of a map (H, W)."""
+    place = int(SHOWN * (map_.size - 1))
+    reached = float(np.partition(map_, place, axis=None)[place])
+    return next((high for high in RANGES if high >= reached), RANGES[-1])
 
 
 @functools.cache

@@ -100,6 +100,15 @@ export async function drawable() {
   return { ...content, tensors: held(tensors), field: held(field) };
 }
 
+/** There is a program that answers questions. */
+export const asks = true;
+
+/** A map to lay over a picture, `about` "error" or a parameter: {pictures: [PNG with alpha], high, words, shares}. */
+export const over = (request, about) => call("over", { ...request, about });
+
+/** Runs that would teach most: [[value of each parameter]]. */
+export const suggested = async () => (await call("next")).runs;
+
 /** What error to expect of the pictures of a request. */
 export const expected = async request => (await call("expected", request)).expected;
 

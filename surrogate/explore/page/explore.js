@@ -1,6 +1,7 @@
 // The explorer's page: one state, controls that change it, and a stream of frames that show it.
 
 import { addressOf, stateOf } from "./address.js";
+import { askPanel } from "./ask.js";
 import * as connection from "./connection.js";
 import { button, digits, element, markTab, tabs } from "../web/elements.js";
 import { Drawing } from "./drawing.js";
@@ -95,9 +96,10 @@ class Explorer {
     document.getElementById("stage-tab").setAttribute("aria-labelledby", `mode-${state.mode}`);
     document.body.dataset.mode = state.mode;
     this.controls = [parameterPanel(this, swept), runsPanel(this), visualizationPanel(this, swept)].filter(Boolean);
+    this.ask = askPanel(this);
     const parts = [
       this.trust.box, state.mode === "compare" && comparePanel(this), state.mode === "sweep" && sweepPanel(this),
-      ...this.controls.map(panel => panel.box), viewPanel(this), displayPanel(this), exportPanel(this), modelPanel(this), this.status,
+      ...this.controls.map(panel => panel.box), this.ask?.box, viewPanel(this), displayPanel(this), exportPanel(this), modelPanel(this), this.status,
     ];
     const { id } = document.activeElement ?? {};
     this.side.replaceChildren(...parts.filter(Boolean));
@@ -302,10 +304,12 @@ class Explorer {
       : `${width}×${height} in ${answer.drawn.toFixed(0)} ms by the ${[...new Set(answer.by)].join(", ")}`;
     this.compared(answer, moving);
     if (moving) {
+      this.ask?.clear();
       this.trust.clear();
       return;
     }
     this.expect(answer.expected);
+    this.ask?.follow();
     this.panes.forEach((p, i) => p.canvas.setAttribute("aria-label", this.spoken(i)));
   }
 

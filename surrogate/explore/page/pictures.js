@@ -5,13 +5,15 @@ const TYPES = { jpeg: "image/jpeg", png: "image/png" };
 /** A bitmap of encoded bytes; what is a bitmap already stays one. */
 export const decoded = (picture, form) => picture instanceof ImageBitmap ? picture : createImageBitmap(new Blob([picture], { type: TYPES[form] }));
 
-/** Put decoded pictures (ImageBitmap) onto canvases; surplus ones of either are left alone. */
-export function paint(canvases, bitmaps) {
+/** Put decoded pictures (ImageBitmap), of which some have `alpha`, onto canvases; surplus ones of either are left alone. */
+export function paint(canvases, bitmaps, alpha = false) {
   bitmaps.forEach((bitmap, i) => {
     const canvas = canvases[i];
     if (!canvas) return;
     if (canvas.width !== bitmap.width || canvas.height !== bitmap.height) Object.assign(canvas, { width: bitmap.width, height: bitmap.height });
-    canvas.getContext("2d", { alpha: false }).drawImage(bitmap, 0, 0);
+    const context = canvas.getContext("2d", { alpha });
+    if (alpha) context.clearRect(0, 0, canvas.width, canvas.height);
+    context.drawImage(bitmap, 0, 0);
     bitmap.close();
   });
 }

@@ -17,7 +17,7 @@ const COLORS = ["#440154", "#414487", "#2a788e", "#22a884", "#7ad151", "#fde725"
 export function runsPanel(explorer) {
   const { facts } = explorer;
   if (!facts.members.length || !facts.parameters.length) return null;
-  const map = new RunMap(explorer);
+  const map = explorer.map = new RunMap(explorer);
   return { box: map.box, set: setting => map.set(setting) };
 }
 
@@ -109,7 +109,7 @@ class RunMap {
     const [low, high] = numbers.length ? [Math.floor(Math.min(...numbers)), Math.ceil(Math.max(...numbers))] : [0, 1];
     this.range = [low, Math.max(high, low + 1)];
     const parts = second ? this.cells(values) : this.curve(values);
-    const runs = this.facts.members.map(member => this.run(member, first, second));
+    const runs = [...this.facts.members.map(member => this.run(member, first, second)), ...(this.explorer.suggested ?? []).map(values => this.diamond(values, first, second))];
     this.ring = drawn("circle", { class: "here", r: 6 });
     this.picture.replaceChildren(...parts, ...runs, ...this.frame(first, second), this.ring);
     this.words.textContent = !values.length ? this.why || "Measuring what to expect…"
@@ -151,6 +151,13 @@ class RunMap {
     const cx = this.place(first, value(first), false);
     if (second) return drawn("circle", { class: `run ${split}`, cx, cy: this.place(second, value(second), true), r: 2.6 }, title);
     return drawn("line", { class: `run ${split}`, x1: cx, x2: cx, y1: HEIGHT - BOTTOM, y2: HEIGHT - BOTTOM - 8 }, title);
+  }
+
+  /** A run that is suggested. */
+  diamond(values, first, second) {
+    const value = p => values[this.facts.parameters.indexOf(p)], x = this.place(first, value(first), false);
+    const y = second ? this.place(second, value(second), true) : HEIGHT - BOTTOM - 14;
+    return drawn("path", { class: "suggested", d: `M${x - 4.5} ${y}l4.5 -4.5 4.5 4.5 -4.5 4.5z` }, drawn("title", {}, "suggested"));
   }
 
   /** Names and ends of the axes. */

@@ -1,7 +1,7 @@
 // Everything that a tab shows, as one plain object; `address.js` writes it into the address, whole.
 //
-// { mode, settings: [A, B], active, against, orbit, background, full, hidden, drawn, sweep }; `hidden` names PARTS of annotations.js,
-// `drawn` what draws: the browser or the program, "" for the faster.
+// { mode, settings: [A, B], active, against, orbit, background, full, hidden, drawn, over, sweep }; `hidden` names PARTS of annotations.js,
+// `drawn` what draws: the browser or the program, "" for the faster; `over` what lies over the picture, see ask.js.
 // A setting: { parameters: {name: value}, kind, isovalue, points: {c1_value, ...}, free, colorMap, appearance, using }; `points` are the
 // places of the transfer function's control points, `free` is another function instead (functions.js) or null, `using` names what draws it, "" for the best.  A sweep: { name, low, high, count, second, secondLow, secondHigh, secondCount }, where
 // "" for an end is the bound.
@@ -57,6 +57,7 @@ export function firstState(facts) {
     full: 512,
     hidden: [],
     drawn: "",
+    over: "",
     sweep: firstSweep(facts),
   };
 }

@@ -34,6 +34,7 @@ from surrogate.explore.run import Run
 from surrogate.explore.server.calls import Call, Sockets, parsed, reported
 from surrogate.explore.server.frames import Frames
 from surrogate.explore.server.guard import PAGE, guard
+from surrogate.explore.server.questions import Questions, about_of
 from surrogate.explore.truth import Truth
 
 DRAWING_THREADS = 2
@@ -138,12 +139,14 @@ class Explorer:
 
     def _application(self) -> web.Application:
         frames, surrogate = self.frames, self.run.surrogate
-        origins = self.run.origins
+        origins, questions = self.run.origins, Questions(self.run, frames)
         calls: dict[str, Call] = {
             "facts": lambda _: self._facts,
             "frame": lambda request: frames.answer(frame_request(request, surrogate, origins)),
             "model": lambda _: self._model(),
             "expected": lambda request: {"expected": frames.expected(frame_request(request, surrogate, origins))},
+            "over": lambda request: questions.over(frame_request(request, surrogate, origins), about_of(request)),
+            "next": lambda _: questions.next(),
             "survey": lambda _: self._expectations.to_json(),
             "nearest": lambda request: {"found": frames.nearest(frame_request(request, surrogate, origins))},
         }

@@ -122,7 +122,9 @@ CLOSED = [
 def test_nothing_else_can_be_called(tab: Tab, name: str) -> None:
     before = tab.ask("facts")
     for request in (None, [], {}, [{"key": "title", "value": "<b>mine</b>"}], "title"):
-        assert "call is one of facts, frame, model, expected, survey, nearest" in harmless(tab.ask(name, request))
+        assert "call is one of facts, frame, model, expected, over, next, survey, nearest" in harmless(
+            tab.ask(name, request)
+        )
     assert tab.ask("facts") == before
     lives(tab)
 
@@ -148,7 +150,7 @@ def test_answers_come_in_the_order_of_the_calls(tab: Tab) -> None:
         harmless(tab.receive())
 
 
-@pytest.mark.parametrize("call", ["frame", "nearest"])
+@pytest.mark.parametrize("call", ["frame", "nearest", "expected", "over"])
 def test_wrong_requests_get_their_sentence(tab: Tab, call: str) -> None:
     for changes, complaint in requests.WRONG:
         answer = tab.ask(call, message(**changes))
@@ -156,6 +158,14 @@ def test_wrong_requests_get_their_sentence(tab: Tab, call: str) -> None:
         harmless(answer)
     for nothing in (None, 3, "x", [], [[]], {}, "x" * 900_000, [message()] * 100):
         harmless(tab.ask(call, nothing))
+    lives(tab)
+
+
+@pytest.mark.parametrize("about", [None, 3, "", "x" * 100_000, "__class__", ["p"], {"p": 1}])
+def test_a_map_is_about_a_parameter_or_the_error(tab: Tab, about: Any) -> None:
+    answer = tab.ask("over", message(about=about))
+    harmless(answer)
+    assert "a map is about 'error' or a parameter" in answer["error"]
     lives(tab)
 
 
