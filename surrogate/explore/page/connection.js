@@ -109,6 +109,9 @@ export const over = (request, about) => call("over", { ...request, about });
 /** Runs that would teach most: [[value of each parameter]]. */
 export const suggested = async () => (await call("next")).runs;
 
+/** Whether a graphics card draws here without the program; see draw/local.js. */
+export const drawsAlone = () => false;
+
 /** What error to expect of the pictures of a request. */
 export const expected = async request => (await call("expected", request)).expected;
 

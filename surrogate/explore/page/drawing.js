@@ -4,7 +4,7 @@ import { answered } from "draw/answers.js";
 import { Graphics } from "draw/graphics.js";
 import { modelOf } from "draw/model.js";
 import { Ways } from "draw/ways.js";
-import { drawable, expected, frame } from "./connection.js";
+import { drawable, drawsAlone, expected, frame } from "./connection.js";
 
 export const HERE = "browser", THERE = "program"; // "" is whichever is faster
 
@@ -25,7 +25,7 @@ export class Drawing {
   get isHere() { return this.isOffered && !this.failed && (this.asked() || (this.card ? HERE : THERE)) === HERE; }
 
   /** Whether it draws whole pictures fast enough to move them. */
-  get isFast() { return this.isHere && Boolean(this.ways && this.card); }
+  get isFast() { return drawsAlone() || this.isHere && Boolean(this.ways && this.card); }
 
   /** An answer with pictures. */
   async frame(request) {

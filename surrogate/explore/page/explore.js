@@ -11,7 +11,7 @@ import { cameraOf, rounded, seenAlong } from "./orbit.js";
 import { overlay, saidOf } from "./overlay.js";
 import { build, plan } from "./panes.js";
 import { comparePanel, displayPanel, modelPanel, parameterPanel, sweepPanel, viewPanel, visualizationPanel } from "./panels.js";
-import { decoded, paint, sizeFor, squareOf } from "./pictures.js";
+import { decoded, paint, sideOf, sizeFor, squareOf } from "./pictures.js";
 import { runsPanel } from "./runs.js";
 import { current, messageOf, pointsOf, possibleSweep } from "./state.js";
 import { Room } from "./room.js";
@@ -21,7 +21,6 @@ import { firstBackground } from "./theme.js";
 import { Trust } from "./trust.js";
 import { described } from "./words.js";
 
-const MOVING = 256; // side of images while something moves, pixels
 const LEAST_EXPORT = 256; // pixels of the shorter side of films and sheets
 const MOST_SIDE = 2048; // what the program draws
 const ADDRESSED = 350; // milliseconds between changes of the address: browsers refuse more than a hundred in half a minute
@@ -263,7 +262,7 @@ class Explorer {
     });
     this.planned = planned;
     const share = planned.kind === "sweep" ? 1 / Math.sqrt(Math.max(2, planned.settings.length / 2)) : planned.kind === "compare" ? 0.7 : 1;
-    const side = share * (moving && !this.drawing.isFast ? MOVING : this.state.full);
+    const side = sideOf(this.panes[0].canvas, this.state.full, { moving, isFast: this.drawing.isFast, share });
     const size = { truth: this.facts.size, compare: squareOf(side) }[planned.kind] ?? sizeFor(this.panes[0].canvas, side);
     return {
       settings: planned.settings, camera: cameraOf(this.state.orbit, size), size,

@@ -6,7 +6,7 @@ import { group } from "./groups.js";
 import { numberInput } from "./numbers.js";
 import { anglesOf, placedAt, PRESETS, seenFrom, widened, zoomed } from "./orbit.js";
 import { slider } from "./sliders.js";
-import { COUNTS, current, endsOf, FULL_SIZES, kindsOf, mostRows, rangeOf, sweepable, sweptOf, variation } from "./state.js";
+import { AUTOMATIC, COUNTS, current, endsOf, EVERY_PIXEL, FULL_SIZES, kindsOf, mostRows, rangeOf, sweepable, sweptOf, variation } from "./state.js";
 import { BACKGROUNDS } from "./theme.js";
 import { transferEditor } from "./transfer.js";
 import { extrapolation, KIND_NAMES } from "./words.js";
@@ -123,7 +123,7 @@ export function displayPanel(explorer) {
       element("label", {}, element("input", { type: "checkbox", id: `show-${part}`, checked: !state.hidden.includes(part), onchange: event => hide(part, !event.target.checked) }), name))),
     explorer.drawing.isOffered && menu("Drawn in", "drawn", state.drawn, [["", `the faster: ${explorer.drawing.card ? "this browser" : "the program"}`],
       ["browser", `this browser (${explorer.drawing.card || "no graphics card"})`], ["program", "the explorer's program"]], drawn => explorer.set({ drawn })),
-    menu("Resolution when idle", "full", state.full, FULL_SIZES.map(size => [size, `${size}²`]), size => explorer.set({ full: +size })));
+    menu("Resolution when idle", "full", state.full, FULL_SIZES.map(size => [size, { [AUTOMATIC]: "automatic", [EVERY_PIXEL]: "every pixel" }[size] ?? `${size}²`]), size => explorer.set({ full: +size })));
 }
 
 export function comparePanel(explorer) {

@@ -11,7 +11,8 @@ import { rounded as roundedOrbit } from "./orbit.js";
 import { firstBackground } from "./theme.js";
 
 export const MODES = ["view", "compare", "sweep"];
-export const FULL_SIZES = [256, 384, 512, 768, 1024];
+export const AUTOMATIC = 0, EVERY_PIXEL = 1; // every pixel where a graphics card draws, else a usual size; every pixel
+export const FULL_SIZES = [AUTOMATIC, 256, 384, 512, 768, 1024, EVERY_PIXEL];
 export const COUNTS = [2, 3, 4, 5, 6, 7, 8, 10, 12];
 export const MOST_COUNT = 24;
 export const CELLS = 60; // pictures of a sweep at most
@@ -54,7 +55,7 @@ export function firstState(facts) {
     against: "setting",
     orbit: roundedOrbit(facts.camera),
     background: facts.background ?? firstBackground(),
-    full: 512,
+    full: AUTOMATIC,
     hidden: [],
     drawn: "",
     over: "",

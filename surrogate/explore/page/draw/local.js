@@ -45,6 +45,9 @@ export class Gone extends Error {}
 /** There is no program that could draw, or be asked. */
 export const drawable = null, expected = null, asks = false, over = null, suggested = null;
 
+/** Whether a graphics card draws here. */
+export const drawsAlone = () => ways.device === CARD;
+
 /** Nothing is ever lost. */
 export const listen = () => {};
 

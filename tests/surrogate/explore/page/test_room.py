@@ -95,6 +95,19 @@ def test_the_whole_screen_is_one_key_away(page: Page, explorer: str) -> None:
     page.wait_for_function("() => !document.fullscreenElement")
 
 
+def test_every_pixel_of_the_window_can_be_drawn(new_page: NewPage, explorer: str, surrogate: Surrogate) -> None:
+    page = new_page(device_scale_factor=2, viewport={"width": 700, "height": 300})
+    open_explorer(page, explorer)
+    usual = assert_shown(page, surrogate).shape
+    assert usual[0] * usual[1] == pytest.approx(512**2, rel=0.02)
+    page.locator("#full").select_option("every pixel")
+    picture = assert_shown(page, surrogate)
+    width, height = page.evaluate("[(c => c.clientWidth)(stage), (c => c.clientHeight)(stage)]")
+    assert picture.shape[:2] == pytest.approx((2 * height, 2 * width), abs=2)
+    addressed(page)
+    assert "full=1&" in page.url + "&"
+
+
 @pytest.mark.parametrize("state", ["", "a.show=isovalue", "mode=compare&b.p.p=0.9", "mode=sweep&sweep.count=3"])
 @pytest.mark.parametrize("viewport", [{"width": 1280, "height": 800}, {"width": 390, "height": 844}])
 def test_light_is_as_clean_as_dark(new_page: NewPage, explorer: str, state: str, viewport: dict[str, int]) -> None:
