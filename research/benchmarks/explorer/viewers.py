@@ -127,8 +127,8 @@ def drawn(splats: dict[str, Array], camera: Camera, dilation: float = 0.0) -> Ar
     return picture.clip(0.0, 1.0)
 
 
-def between(cameras: Sequence[Camera], count: int) -> list[Camera]:
-    """Cameras halfway between some stored ones and their nearest neighbours, turned about the point that these look at."""
+def between(cameras: Sequence[Camera], center: Array, count: int) -> list[Camera]:
+    """Cameras halfway between some stored ones and their nearest neighbours, turned about a `center` (3,)."""
     positions, chosen = np.array([camera.position for camera in cameras]), []
     for number in spread(len(cameras), count):
         away = np.linalg.norm(positions - positions[number], axis=1)
@@ -136,9 +136,9 @@ def between(cameras: Sequence[Camera], count: int) -> list[Camera]:
         one, other = cameras[number], cameras[int(away.argmin())]
         pair = Rotation.from_matrix([one.rotation, other.rotation])
         rotation = Slerp([0.0, 1.0], pair)(0.5).as_matrix()
-        shift = (one.world_to_camera[:3, 3] + other.world_to_camera[:3, 3]) / 2.0
+        middles = [camera.rotation @ center + camera.world_to_camera[:3, 3] for camera in (one, other)]
         matrix = np.eye(4)
-        matrix[:3, :3], matrix[:3, 3] = rotation, shift
+        matrix[:3, :3], matrix[:3, 3] = rotation, np.mean(middles, axis=0) - rotation @ center
         chosen.append(replace(one, world_to_camera=matrix))
     return chosen
 
@@ -146,11 +146,12 @@ def between(cameras: Sequence[Camera], count: int) -> list[Camera]:
 def row_of(run: Run, views: int, steps: int) -> list[str]:
     """The row of a run."""
     setting = Setting({p.name: p.middle for p in run.surrogate.space.parameters})
-    shown, cameras = setting.member(run.surrogate), between(run.cameras, views)
+    member = setting.member(run.surrogate)
+    cameras = between(run.cameras, run.surrogate.normalization.center, views)
 
     def score(splats: dict[str, Array], dilation: float = 0.0, larger: int = 1) -> float:
         sized = [camera.resized(larger * camera.width, larger * camera.height) for camera in cameras]
-        pairs = [(drawn(splats, camera, dilation), composite(shown.render(camera), WHITE)) for camera in sized]
+        pairs = [(drawn(splats, camera, dilation), composite(member.render(camera), WHITE)) for camera in sized]
         return float(np.mean([decibels(float(((ours - theirs) ** 2).mean())) for ours, theirs in pairs]))
 
     def content(request: Any) -> bytes:
