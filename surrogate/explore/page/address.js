@@ -28,6 +28,7 @@ export function addressOf(state, facts) {
   put("hide", state.hidden.join(","), "");
   put("drawn", state.drawn, first.drawn);
   put("over", state.over, first.over);
+  put("layout", state.layout, first.layout);
   for (const [name, value] of Object.entries(state.sweep)) put(`sweep.${name}`, value, first.sweep[name]);
   return `#${fields}`;
 }
@@ -60,6 +61,7 @@ export function stateOf(address, facts) {
   state.full = Number(reading.choice("full", FULL_SIZES.map(String), String(state.full)));
   state.hidden = readHidden(reading);
   state.drawn = reading.choice("drawn", ["browser", "program"], "");
+  state.layout = reading.choice("layout", ["side", "swipe"], "side");
   state.over = reading.choice("over", ["error", ...facts.parameters.map(({ name }) => name)], "");
   state.sweep = readSweep(reading, state, facts);
   reading.rest();

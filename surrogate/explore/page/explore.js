@@ -249,7 +249,7 @@ class Explorer {
   // ---- frames
 
   request(moving) {
-    const planned = plan(this.state, this.facts), key = `${planned.kind} ${planned.labels.length} ${planned.columns} ${JSON.stringify(planned.heads)}`;
+    const planned = plan(this.state, this.facts), key = `${planned.kind} ${planned.labels.length} ${planned.columns} ${planned.isSwipe} ${JSON.stringify(planned.heads)}`;
     if (key !== this.built) {
       this.built = key;
       this.panes = build(this.stage, planned);

@@ -8,7 +8,7 @@ const STEP = Math.PI / 36; // per key
 export function listen(stage, get, set, home, rest) {
   const pointers = new Map(), turn = (right, down) => set(turned(get(), right, down));
   stage.onpointerdown = event => {
-    if (event.button > 2 || event.target.closest("button")) return;
+    if (event.button > 2 || event.target.closest("button, input")) return;
     pointers.set(event.pointerId, [event.clientX, event.clientY]);
     stage.setPointerCapture(event.pointerId);
     stage.focus({ preventScroll: true });
@@ -32,7 +32,7 @@ export function listen(stage, get, set, home, rest) {
     set(zoomedAt(get(), factor, home, ...placeOf(event)));
   }, { passive: false });
   stage.ondblclick = event => {
-    if (event.target.closest("button")) return;
+    if (event.target.closest("button, input")) return;
     const [right, down] = placeOf(event);
     set(panned(get(), -right, -down));
     rest();

@@ -129,14 +129,15 @@ export function displayPanel(explorer) {
 export function comparePanel(explorer) {
   const { state, facts } = explorer;
   const against = menu("With", "against", state.against, [["setting", "another setting"], ["truth", "the stored picture", !facts.truth]], chosen => explorer.set({ against: chosen }));
+  const layout = menu("Shown", "layout", state.layout, [["side", "side by side"], ["swipe", "swipe: one over the other"]], chosen => explorer.set({ layout: chosen }));
   if (state.against === "truth")
-    return group("Compare", against,
+    return group("Compare", against, layout,
       element("p", { class: "hint" }, "The catalog holds pictures of its own members from its own views, and no others."),
       button("Nearest stored picture", () => explorer.goToStored(found => explorer.takeStored(found)), { id: "nearest-picture" }));
   const edit = element("div", { class: "buttons", role: "group", "aria-label": "Which setting the controls change" }, ...["A", "B"].map((name, i) =>
     button(`Change ${name}`, () => explorer.set({ active: i }), { id: `edit-${name}`, "aria-pressed": state.active === i })));
   const copy = () => { state.settings[1 - state.active] = structuredClone(current(state)); explorer.changed(); };
-  return group("Compare", against, edit, element("div", { class: "buttons" },
+  return group("Compare", against, layout, edit, element("div", { class: "buttons" },
     button(`Copy ${"AB"[state.active]} to ${"BA"[state.active]}`, copy), button("Swap", () => explorer.set({ settings: [...state.settings].reverse() }))));
 }
 

@@ -38,18 +38,29 @@ export function cellsOf(state, facts) {
   return { cells, columns: wide, heads };
 }
 
-/** What the stage holds for a state: { kind, labels, words, columns, settings, heads, difference, truth }; `cells` are the settings of a sweep. */
+/** The divider of two pictures that lie one under the other. */
+function swipe(stage) {
+  const divide = share => stage.style.setProperty("--swipe", `${share}%`);
+  divide(50);
+  return element("input", {
+    type: "range", id: "swipe", min: 0, max: 100, step: "any", value: 50, "aria-label": "Divider between the two pictures",
+    oninput: event => divide(event.target.value), onkeydown: event => event.stopPropagation(),
+  });
+}
+
+/** What the stage holds for a state: { kind, labels, words, columns, settings, heads, difference, truth, isSwipe }; `cells` are the settings of a sweep. */
 export function plan(state, facts) {
   const shown = current(state);
   if (state.mode === "sweep") {
     const { cells, columns, heads } = cellsOf(state, facts), settings = cells.map(cell => cell.setting);
     return { kind: "sweep", labels: cells.map(cell => cell.label), words: [], columns, heads, cells: settings, settings: settings.map(setting => messageOf(setting, facts)) };
   }
+  const isSwipe = state.layout === "swipe";
   if (state.mode === "compare" && state.against === "truth")
-    return { kind: "truth", labels: ["prediction", "stored", "difference"], words: [described(shown, facts), null], columns: 3, settings: [messageOf(shown, facts)], truth: true };
+    return { kind: "truth", labels: ["prediction", "stored", "difference"], words: [described(shown, facts), null], columns: 3, settings: [messageOf(shown, facts)], truth: true, isSwipe };
   if (state.mode === "compare") {
     const words = state.settings.map(setting => described(setting, facts));
-    return { kind: "compare", labels: ["A", "B", "difference"], words, columns: 3, settings: state.settings.map(setting => messageOf(setting, facts)), difference: true };
+    return { kind: "compare", labels: ["A", "B", "difference"], words, columns: 3, settings: state.settings.map(setting => messageOf(setting, facts)), difference: true, isSwipe };
   }
   return { kind: "view", labels: [""], words: [], columns: 1, settings: [messageOf(shown, facts)] };
 }
@@ -61,6 +72,8 @@ export function build(stage, planned) {
   stage.style.setProperty("--columns", planned.columns);
   const boxes = panes.map(p => p.box), { heads, columns } = planned;
   stage.classList.toggle("has-heads", Boolean(heads));
+  stage.classList.toggle("is-swipe", Boolean(planned.isSwipe));
+  if (planned.isSwipe) boxes.push(swipe(stage));
   if (!heads) {
     stage.replaceChildren(...boxes);
     return panes;

@@ -1,7 +1,8 @@
 // Everything that a tab shows, as one plain object; `address.js` writes it into the address, whole.
 //
 // { mode, settings: [A, B], active, against, orbit, background, full, hidden, drawn, over, sweep }; `hidden` names PARTS of annotations.js,
-// `drawn` what draws: the browser or the program, "" for the faster; `over` what lies over the picture, see ask.js.
+// `drawn` what draws: the browser or the program, "" for the faster; `over` what lies over the picture, see ask.js;
+// `layout` how two pictures are shown, "side" by side or one under the other to "swipe".
 // A setting: { parameters: {name: value}, kind, isovalue, points: {c1_value, ...}, free, colorMap, appearance, using }; `points` are the
 // places of the transfer function's control points, `free` is another function instead (functions.js) or null, `using` names what draws it, "" for the best.  A sweep: { name, low, high, count, second, secondLow, secondHigh, secondCount }, where
 // "" for an end is the bound.
@@ -59,6 +60,7 @@ export function firstState(facts) {
     hidden: [],
     drawn: "",
     over: "",
+    layout: "side",
     sweep: firstSweep(facts),
   };
 }
