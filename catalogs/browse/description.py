@@ -9,11 +9,12 @@ from typing import Any, TypeVar
 import numpy as np
 
 from catalogs.store.catalog import Catalog, CatalogPlan, Member
-from catalogs.vocabulary.appearance import Appearance, Isosurface, field_of
+from catalogs.vocabulary.appearance import Appearance, Isosurface, VolumeRendering, field_of
 from catalogs.vocabulary.cameras import Camera
 from catalogs.vocabulary.numbers import texts
 from catalogs.vocabulary.parameters import SPLITS
-from catalogs.vocabulary.variations import ISOVALUE
+from catalogs.vocabulary.variations import ISOVALUE, origins_of
+from catalogs.vocabulary.variations.variation import appearance_named
 
 DIGITS = 9  # of a parameter's value, at least: what tells any two float32 apart
 
@@ -113,8 +114,8 @@ def _title(catalog: Catalog) -> str:
 
 
 def _visualization(plan: CatalogPlan) -> list[dict[str, Any]]:
-    """The visualization parameters that differ between appearances: isovalues, displacements of a transfer function."""
-    varied = [plan.varied(appearance.name) for appearance in plan.appearances]
+    """The visualization parameters that differ between appearances: isovalues, places of a transfer function's points."""
+    varied = [_places(plan, appearance.name) for appearance in plan.appearances]
     surfaces = {appearance.name for appearance in plan.appearances if isinstance(appearance, Isosurface)}
     having, units = {ISOVALUE: surfaces}, {ISOVALUE: _common_unit(plan)}
     for variation in (v for v in plan.variations if v.edits_base):
@@ -130,6 +131,17 @@ def _visualization(plan: CatalogPlan) -> list[dict[str, Any]]:
                 {"name": name, "unit": units[name], "low": min(different), "high": max(different), "values": values}
             )
     return described
+
+
+def _places(plan: CatalogPlan, name: str) -> dict[str, float]:
+    """The values of an appearance as people read them: of control points their places, not how far they are displaced."""
+    values = plan.varied(name)
+    for variation in (v for v in plan.variations if v.edits_base and name in (v.base, *v.named(*SPLITS))):
+        base = appearance_named(variation.base, plan.appearances)
+        function = base.transfer_function if isinstance(base, VolumeRendering) else None
+        origins = origins_of(function)
+        values |= {n: float(f"{values[n] + origin:.12g}") for n, origin in origins.items() if n in values}
+    return values
 
 
 def _common_unit(plan: CatalogPlan) -> str:
@@ -148,12 +160,13 @@ def _appearance(appearance: Appearance, plan: CatalogPlan) -> dict[str, str]:
 
 
 def _appearance_title(appearance: Appearance, plan: CatalogPlan) -> str:
-    """Its name and what sets it apart: its field, an isovalue, or how the points of a transfer function are displaced."""
+    """Its name and what sets it apart: its field, an isovalue, or where the moved points of a transfer function are."""
     said = [field_of(appearance)] if field_of(appearance) else []
     if isinstance(appearance, Isosurface):
         said.append(f"isovalue {appearance.isovalue:g} {plan.quantity(field_of(appearance)).unit}".rstrip())
     else:
-        said += [f"{name} {value:+.3g}" for name, value in plan.varied(appearance.name).items() if value]
+        moved, places = plan.varied(appearance.name), _places(plan, appearance.name)
+        said += [f"{name} {value:.3g}" for name, value in places.items() if moved[name]]
     return f"{appearance.name} ({', '.join(said)})" if said else appearance.name
 
 

@@ -14,8 +14,9 @@ from numpy.typing import NDArray
 from catalogs.store.catalog import Catalog, Member
 from catalogs.vocabulary.appearance import TransferFunction, VolumeRendering
 from catalogs.vocabulary.cameras import Camera, orbit
+from catalogs.vocabulary.variations import origins_of
 from catalogs.vocabulary.words import joined_names
-from surrogate.explore.setting import base_function, origins_of
+from surrogate.explore.setting import base_function
 from surrogate.model import Surrogate
 from surrogate.storage.runs import MODEL, RunFolder
 

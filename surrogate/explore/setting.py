@@ -111,13 +111,6 @@ def with_origins(
     return {n: v if isinstance(v, str) else v + from_zero.get(n, 0.0) for n, v in values.items()}
 
 
-def origins_of(base: TransferFunction | None) -> dict[str, float]:
-    """Values and opacities of the base's inner control points by `POINT_PARAMETERS`; nothing without a base."""
-    if base is None or len(base.opacity_points) != 4:
-        return {}
-    return dict(zip(POINT_PARAMETERS, [part for point in base.opacity_points[1:3] for part in point], strict=True))
-
-
 def _word(value: float | str) -> str:
     return value if isinstance(value, str) else text(value)
 

@@ -16,6 +16,7 @@ from catalogs.vocabulary.variations.transfer_function import (
     POINT_PARAMETERS,
     TransferFunctionVariation,
     displaced,
+    origins_of,
     transfer_function_family,
 )
 from catalogs.vocabulary.variations.variation import Family, Variation, VariationSetting
@@ -32,6 +33,7 @@ __all__ = [
     "displaced",
     "field_variation",
     "isovalue_family",
+    "origins_of",
     "transfer_function_family",
     "variation_from_json",
     "variation_kind",

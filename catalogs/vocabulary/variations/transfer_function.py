@@ -127,6 +127,13 @@ def displaced(base: TransferFunction, displacement: Sequence[float]) -> Transfer
     return replace(base, opacity_points=(low, *moved, high))
 
 
+def origins_of(base: TransferFunction | None) -> dict[str, float]:
+    """Values and opacities of the base's inner control points by `POINT_PARAMETERS`; nothing without a base."""
+    if base is None or len(base.opacity_points) != 4:
+        return {}
+    return dict(zip(POINT_PARAMETERS, [part for point in base.opacity_points[1:3] for part in point], strict=True))
+
+
 def _four_points(appearance: Appearance) -> TransferFunction | None:
     """The transfer function, if it has four opacity points."""
     if not isinstance(appearance, VolumeRendering) or len(appearance.transfer_function.opacity_points) != 4:

@@ -1,6 +1,7 @@
 // Questions about the picture that is shown: where it may be wrong, where a parameter acts, what to simulate next.
 
-import { button, digits, element, menu, section } from "../web/elements.js";
+import { button, digits, element, menu } from "../web/elements.js";
+import { group } from "./groups.js";
 import { asks, over, suggested } from "./connection.js";
 import { decoded, paint } from "./pictures.js";
 
@@ -15,7 +16,7 @@ class Ask {
     this.map = element("canvas", { class: "over", "aria-hidden": "true" });
     this.words = element("p", { class: "hint", role: "status" });
     this.bars = element("div", { class: "bars" });
-    this.box = section("Ask", menu("Over the picture", "over", state.over, offered, chosen => explorer.set({ over: chosen })), this.words, this.bars,
+    this.box = group("Ask", menu("Over the picture", "over", state.over, offered, chosen => explorer.set({ over: chosen })), this.words, this.bars,
       facts.members.length > 0 && button("What to simulate next", () => this.suggest(), { id: "suggest" }));
   }
 

@@ -92,7 +92,7 @@ def test_the_menu_offers_what_a_member_shows(varied: Catalog, page: Page) -> Non
     assert shown(page) == ("all", "dvr-train-65", 3)
     titles = option_texts(page, "appearance")
     assert len(titles) == 82
-    assert titles[65] == "dvr-train-65 (c1_value -0.1)"
+    assert titles[65] == "dvr-train-65 (c1_value 0.2)"
     assert page.locator("#appearance").get_attribute("title") == titles[65]
     assert page.locator("#appearance optgroup").evaluate_all("groups => groups.map(group => group.label)") == [
         *(f"transfer functions, {split}" for split in ("train", "validation", "test")),

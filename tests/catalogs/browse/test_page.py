@@ -16,6 +16,7 @@ from catalogs.browse.description import describe
 from catalogs.cli import main
 from catalogs.store.catalog import Catalog, CatalogError
 from catalogs.tools.check import check
+from catalogs.vocabulary.appearance import VolumeRendering
 from catalogs.vocabulary.cameras import icosphere, view_splits
 from catalogs.vocabulary.parameters import SPLITS, Parameter, ParameterSpace
 from tests.catalogs.browse.conftest import GRID, grid_plan
@@ -60,8 +61,11 @@ def test_visualization_parameters_stand_beside_their_appearances(varied: Catalog
     assert columns["isovalue"]["iso=0.5"] == 0.5
     assert columns["isovalue"]["dvr"] is columns["c1_value"]["iso=0.5"] is None
     for name in ("dvr", "dvr-train-07"):
-        assert {p: columns[p][name] for p in list(columns)[1:]} == pytest.approx(
-            {p: value for p, value in varied.plan.varied(name).items() if p != "isovalue"}
+        (shown,) = (a for a in varied.plan.appearances if a.name == name)
+        assert isinstance(shown, VolumeRendering)
+        (_, *inner, _) = shown.transfer_function.opacity_points
+        assert [columns[p][name] for p in list(columns)[1:]] == pytest.approx(
+            [part for point in inner for part in point]
         )
     assert describe(grid)["visualization"] == []
 
@@ -77,11 +81,11 @@ def test_settings_have_titles_and_groups(varied: Catalog, catalog: Catalog) -> N
     assert appearances["dvr"] == {"name": "dvr", "title": "dvr", "kind": "dvr"}
     assert appearances["dvr-train-07"] == {
         "name": "dvr-train-07",
-        "title": "dvr-train-07 (c1_value -0.1, c1_opacity -0.1, c2_value +0.1)",
+        "title": "dvr-train-07 (c1_value 0.2, c1_opacity 0.1, c2_value 0.7)",
         "kind": "transfer functions",
         "group": "transfer functions, train",
     }
-    assert appearances["dvr-train-65"]["title"] == "dvr-train-65 (c1_value -0.1)"
+    assert appearances["dvr-train-65"]["title"] == "dvr-train-65 (c1_value 0.2)"
     assert appearances["dvr-test-01"]["group"] == "transfer functions, test"
     assert appearances["iso=0.5"] == {
         "name": "iso=0.5",
