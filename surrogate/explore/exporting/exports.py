@@ -25,6 +25,7 @@ from surrogate.explore.exporting.comparison import comparison
 from surrogate.explore.exporting.expectations import Expectations
 from surrogate.explore.exporting.films import film_bytes
 from surrogate.explore.exporting.glb import glb_bytes
+from surrogate.explore.exporting.journeys import JourneyRequest, journey_of
 from surrogate.explore.exporting.kinds import FILM_STEPS, FRAMES_PER_SECOND, GAUSSIAN_KINDS, KINDS
 from surrogate.explore.exporting.marks import all_annotated, annotated, annotations_of
 from surrogate.explore.exporting.naming import file_name
@@ -275,7 +276,7 @@ class Export:
 CommandRequest = (
     PictureRequest | PageRequest | GaussiansRequest | FieldsRequest | ComparisonRequest | SheetRequest | FilmRequest
 )
-Request = CommandRequest | CodeRequest
+Request = CommandRequest | CodeRequest | JourneyRequest
 
 
 def exported(message: Any, run: Run, go_on: Progress = lambda *_: None, doubt: Doubt | None = None) -> Export:
@@ -290,8 +291,8 @@ def from_message(message: Any, run: Run) -> Request:
     """The request of a message: that of a frame, with the `kind` of file and, for sheets and films, the `sweep`.
 
     A comparison is of the two settings, or with `truth` of one and its stored picture.  A sweep's ends are displacements for
-    control points, as in a setting.  A film goes over the first parameter, there and back, because it is watched again and again.
-    Raises MessageError for a wrong message, ValueError for what can't be made.
+    control points, as in a setting.  A film goes through `frames`, see `journey_of`, or over the first parameter, there and back,
+    because it is watched again and again.  Raises MessageError for a wrong message, ValueError for what can't be made.
     """
     frame = frame_request(message, run.surrogate, run.origins)
     arguments, kind = (frame.settings[0], frame.camera, frame.background), message.get("kind")
@@ -312,6 +313,8 @@ def from_message(message: Any, run: Run) -> Request:
         if len(frame.settings) != 2 and not frame.truth:
             raise MessageError("a comparison is of two settings, or of one and its stored picture")
         return ComparisonRequest(*arguments[:2], None if frame.truth else frame.settings[1], frame.background, parts)
+    if kind in ("gif", "mp4") and message.get("frames") is not None:
+        return journey_of(message, run, kind, parts)
     fields = message.get("sweep")
     if not isinstance(fields, Mapping):
         raise MessageError("a sheet or a film needs a sweep: choose a parameter in the tab Sweep")

@@ -15,6 +15,7 @@ import { decoded, paint, sideOf, sizeFor, squareOf } from "./pictures.js";
 import { runsPanel } from "./runs.js";
 import { current, messageOf, pointsOf, possibleSweep } from "./state.js";
 import { Room } from "./room.js";
+import { snapshotsPanel } from "./snapshots.js";
 import { Steps } from "./steps.js";
 import { Stream } from "./stream.js";
 import { firstBackground } from "./theme.js";
@@ -98,7 +99,7 @@ class Explorer {
     this.ask = askPanel(this);
     const parts = [
       this.trust.box, state.mode === "compare" && comparePanel(this), state.mode === "sweep" && sweepPanel(this),
-      ...this.controls.map(panel => panel.box), this.ask?.box, viewPanel(this), displayPanel(this), exportPanel(this), modelPanel(this), this.status,
+      ...this.controls.map(panel => panel.box), this.ask?.box, snapshotsPanel(this), viewPanel(this), displayPanel(this), exportPanel(this), modelPanel(this), this.status,
     ];
     const { id } = document.activeElement ?? {};
     this.side.replaceChildren(...parts.filter(Boolean));
@@ -129,6 +130,14 @@ class Explorer {
     if (this.arrangement !== arrangementOf(this.state)) this.arrange();
     this.refresh();
     this.changed();
+  }
+
+  /** Show a state on the way to another. */
+  travel(state) {
+    const { mode, active, sweep } = this.state;
+    this.state = { ...state, mode: "view", active, sweep };
+    if (mode !== "view" || this.arrangement !== arrangementOf(this.state)) this.arrange();
+    this.moved();
   }
 
   /** A control has changed the setting: the others follow. */

@@ -31,7 +31,7 @@ export function exportPanel(explorer) {
     say("Making it…");
     try {
       const made = await exported(explorer.exportable(chosen(kinds).value, Number(chosen(sizes).value)));
-      save(made);
+      saveFile(made);
       say(`${made.name}: ${(made.blob.size / 1024).toFixed(0)} kB`);
     } catch (error) {
       say(error.message);
@@ -46,7 +46,8 @@ export function exportPanel(explorer) {
   return group("Export", kinds, sizes, element("div", { class: "buttons" }, saving, link));
 }
 
-function save({ name, blob }) {
+/** Let the browser save a file. */
+export function saveFile({ name, blob }) {
   const address = URL.createObjectURL(blob), anchor = element("a", { href: address, download: name });
   document.body.append(anchor);
   anchor.click();

@@ -1,0 +1,34 @@
+// The way from snapshot to snapshot: settings and cameras between two states.
+
+import { anglesOf, placedAt } from "./orbit.js";
+import { current } from "./state.js";
+
+const between = (a, b, share) => a + (b - a) * share;
+const smooth = share => share * share * (3 - 2 * share); // slow at both ends
+
+/** The state at a share of the way from a state to another: numbers go there evenly, all else is that of the nearer end. */
+export function stateBetween(first, last, share, facts) {
+  const at = smooth(share), nearer = structuredClone(at < 0.5 ? first : last), [a, b] = [current(first), current(last)], setting = current(nearer);
+  for (const p of facts.parameters) {
+    const [on, off] = p.scale === "log" ? [Math.log, Math.exp] : [x => x, x => x];
+    setting.parameters[p.name] = off(between(on(a.parameters[p.name]), on(b.parameters[p.name]), at));
+  }
+  if (a.kind === "isovalue" && b.kind === "isovalue") setting.isovalue = between(a.isovalue, b.isovalue, at);
+  for (const name of Object.keys(setting.points)) setting.points[name] = between(a.points[name], b.points[name], at);
+  nearer.orbit = orbitBetween(first.orbit, last.orbit, at);
+  return nearer;
+}
+
+/** The camera between two, by the shorter way round. */
+function orbitBetween(first, last, at) {
+  const [from, to] = [anglesOf(first), anglesOf(last)], turn = ((to.azimuth - from.azimuth + 540) % 360 + 360) % 360 - 180;
+  const angles = { azimuth: from.azimuth + turn * at, elevation: between(from.elevation, to.elevation, at) };
+  return placedAt({
+    ...first, target: first.target.map((x, k) => between(x, last.target[k], at)), field: between(first.field, last.field, at),
+    distance: first.distance ** (1 - at) * last.distance ** at,
+  }, angles);
+}
+
+/** All states of a film through `stops`, `steps` from each to the next. */
+export const journey = (stops, steps, facts) => stops.slice(1).flatMap((last, i) =>
+  Array.from({ length: steps + (i === stops.length - 2 ? 1 : 0) }, (_, step) => stateBetween(stops[i], last, step / steps, facts)));
