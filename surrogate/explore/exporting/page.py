@@ -57,9 +57,10 @@ TEMPLATE = """<!doctype html>
 
 
 def page_bytes(run: Run, expected: Expectations | None = None, modes: int | None = None) -> bytes:
-    """The page of a run, as HTML, which says what error to expect where that is known; see `PageModel.of`."""
+    """The page of a run, as HTML, which says what error to expect where that is expectations; see `PageModel.of`."""
     model = PageModel.of(run, modes)
-    content = model.content | {"expected": (expected or Expectations(why=average(run.surrogate))).to_json()}
+    expectations = expected or Expectations(why=average(run.surrogate, model.content["megabytes"]))
+    content = model.content | {"expected": expectations.to_json()}
     modules = _modules()
     imports = {name: f"data:text/javascript;base64,{_base64(text.encode())}" for name, text in modules.items()}
     map_of_them = json.dumps({"imports": imports}, separators=(",", ":"))  # as `JSON.stringify` writes it

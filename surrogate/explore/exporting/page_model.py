@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -51,9 +52,11 @@ class PageModel:
         return cls(_content(run, whole, emulation), tensors, field)
 
 
-def average(surrogate: Surrogate) -> str:
-    """A sentence on how good pictures by Gaussians are on average; "" where nobody measured it."""
-    psnr = surrogate.scores.psnr.get(VIEW, {}).get(surrogate.representation(VIEW))
+def average(surrogate: Surrogate, representations: Collection[str]) -> str:
+    """A sentence on how good pictures by the representations that a page holds are on average; "" where nobody measured it."""
+    best = surrogate.representation(VIEW)
+    drawn_by = best if best in representations or len(representations) > 1 else next(iter(representations))
+    psnr = surrogate.scores.psnr.get(VIEW, {}).get(drawn_by)
     return "" if psnr is None else f"Pictures of runs that training did not see: PSNR {psnr:.1f} dB on average"
 
 
@@ -74,7 +77,7 @@ def _content(run: Run, whole: StoredModel | None, emulation: StoredModel | None)
             "emulation": emulation and emulation.record,
         },
         "megabytes": sizes,
-        "best": {kind: surrogate.representation(kind) for kind in KINDS},
+        "best": {kind: run.surrogate.representation(kind) for kind in KINDS},
     }
 
 

@@ -53,6 +53,6 @@ export class Drawing {
 
 /** A setting in the words of the ways to draw; null where none draws it. */
 function waysOf(setting, ways) {
-  const kind = setting.using || ways.of(setting)[0];
-  return ways.kinds.includes(kind) ? { ...setting, using: `${kind}-${ways.device}` } : null;
+  const kind = setting.using || ways.preferred(setting);
+  return ways.draws(kind, setting) ? { ...setting, using: `${kind}-${ways.device}` } : null;
 }

@@ -177,5 +177,5 @@ export function modelPanel(explorer) {
     `${rounded(megabytes)} MB`, milliseconds && `${rounded(milliseconds)} ms a picture`].filter(Boolean).join(", ");
   return group("Model",
     ways.length > 1 && menu("Drawn by", "using", setting.using, [["", model.best ?? "the best on validation"], ...ways.map(one => [one.name, one.words])], choose),
-    element("p", { class: "hint" }, [...ways.map(facts), model.seconds && `trained in ${Math.round(model.seconds)} s`].filter(Boolean).join("; ")));
+    element("p", { class: "hint" }, [...model.contents ?? ways.map(facts), model.seconds && `trained in ${Math.round(model.seconds)} s`].filter(Boolean).join("; ")));
 }

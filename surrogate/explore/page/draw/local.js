@@ -6,7 +6,7 @@ import { Doubt } from "draw/doubt.js";
 import { Graphics } from "draw/graphics.js";
 import { modelOf } from "draw/model.js";
 import { normalized } from "draw/parameters.js";
-import { CARD, SCRIPTS, transferOf, Ways } from "draw/ways.js";
+import { transferOf, Ways } from "draw/ways.js";
 import { paintMarks } from "explore/overlay.js";
 
 const given = JSON.parse(new TextDecoder().decode(await unpacked("surrogate")));
@@ -52,8 +52,8 @@ export const drawsAlone = () => ways.device === CARD;
 export const listen = () => {};
 
 export async function facts() {
-  const besides = { [CARD]: ways.graphics?.renderer, [SCRIPTS]: refusal && `for ${refusal}` };
-  return { ...given.facts, model: { ...given.facts.model, best: "what is best and fastest here", representations: ways.listed(besides) } };
+  const contents = [...ways.contents, refusal && `scripts draw, for ${refusal}`].filter(Boolean);
+  return { ...given.facts, model: { ...given.facts.model, best: "what is best and fastest here", representations: ways.listed, contents } };
 }
 
 /** An answer with pictures as bitmaps. */

@@ -6,7 +6,7 @@ import { FieldScripts } from "draw/field_scripts.js";
 import { figureFor, follows } from "draw/model.js";
 import { Scripts } from "draw/scripts.js";
 
-export const CARD = "card", SCRIPTS = "scripts";
+const CARD = "card", SCRIPTS = "scripts";
 const GAUSSIANS = "gaussians", FIELD = "field", BOTH = "both";
 const WORDS = { [GAUSSIANS]: "Gaussians", [FIELD]: "emulated field", [BOTH]: "mean image of Gaussians and field" };
 const DEVICES = { [CARD]: "graphics card", [SCRIPTS]: "scripts" };
@@ -29,24 +29,42 @@ export class Ways {
     for (const own of this.engines.values()) delete own[CARD];
   }
 
-  /** All ways: [{name, words, megabytes}], in the words on devices besides. */
-  listed(besides) {
+  /** All ways: [{name, words, megabytes}]. */
+  get listed() {
     const devices = this.graphics ? [CARD, SCRIPTS] : [SCRIPTS], whole = Object.values(this.megabytes).reduce((sum, own) => sum + own, 0);
-    return this.kinds.flatMap(kind => devices.map(device => {
-      const words = [this.kinds.length > 1 && WORDS[kind], DEVICES[device], besides[device]].filter(Boolean).join(", ");
-      return { name: `${kind}-${device}`, words, megabytes: this.megabytes[kind] ?? whole };
-    }));
+    return this.kinds.flatMap(kind => devices.map(device =>
+      ({ name: `${kind}-${device}`, words: this.wordsFor(kind, device), megabytes: this.megabytes[kind] ?? whole })));
+  }
+
+  /** Sentences on what the page holds and what draws it. */
+  get contents() {
+    const { graphics, megabytes, model: { figures } } = this, held = Object.entries(megabytes);
+    const described = ([kind, size]) => [kind === GAUSSIANS && figures[0].columns.count.toLocaleString("en"), WORDS[kind]].filter(Boolean).join(" ")
+      + `, ${+size.toPrecision(2)} MB`;
+    return [...held.map(described), graphics && `${DEVICES[CARD]}: ${graphics.renderer}`].filter(Boolean);
+  }
+
+  /** The representation that validation prefers for a setting, held here or not. */
+  preferred({ visualization, color_map: map, function: free }) {
+    return this.best[questionOf(visualization, map || free)];
+  }
+
+  /** True where a setting can be drawn here by a representation. */
+  draws(kind, { visualization, color_map: map, function: free }) {
+    return this.kinds.includes(kind) && (kind === FIELD || follows(this.model, visualization, map || free));
   }
 
   /** What draws a setting: [kind, device]. */
-  of({ using, visualization, color_map: map, function: free }) {
-    const [kind, device] = using ? using.split("-") : [this.best[questionOf(visualization, map || free)], this.device];
-    const follower = this.model.fields && !follows(this.model, visualization, map || free) ? FIELD : kind;
-    return [follower, this.graphics ? device : SCRIPTS];
+  of(setting) {
+    const [kind, device] = setting.using ? setting.using.split("-") : [this.preferred(setting), this.device];
+    return [[kind, ...this.kinds].find(one => this.draws(one, setting)) ?? this.kinds[0], this.graphics ? device : SCRIPTS];
   }
 
   wordsOf(setting) {
-    const [kind, device] = this.of(setting);
+    return this.wordsFor(...this.of(setting));
+  }
+
+  wordsFor(kind, device) {
     return this.kinds.length > 1 ? `${WORDS[kind]}, ${DEVICES[device]}` : DEVICES[device];
   }
 

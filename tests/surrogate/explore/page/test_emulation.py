@@ -197,6 +197,16 @@ def test_the_page_offers_all_ways_to_draw_and_takes_the_best(page: Page, tmp_pat
         assert {"gaussians": "Gaussians", "field": "emulated field", "both": "mean image"}[using] in by
 
 
+def test_functions_that_the_gaussians_do_not_follow_are_drawn_from_the_field(page: Page, tmp_path: Path) -> None:
+    surrogate = replace(both(), scores=RepresentationScores())
+    opened(page, surrogate, tmp_path, modes=9)
+    script = """async function_ => {
+      const { ways } = await import("draw/local.js"), plain = { visualization: {}, color_map: "" };
+      return [plain, { ...plain, function: function_ }].map(setting => ways.of(setting)[0]);
+    }"""
+    assert page.evaluate(script, vars(PEAK)) == ["gaussians", "field"]
+
+
 def test_the_field_is_there_where_it_draws_best_or_modes_are_asked_for() -> None:
     surrogate = both()
     sizes = {modes: len(page_bytes(Run("a run", surrogate), None, modes)) for modes in (None, 0, 1, 99)}
