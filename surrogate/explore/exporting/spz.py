@@ -19,6 +19,7 @@ MAGIC, VERSION = 0x5053474E, 3
 POSITION_BITS = 23  # of 24, beside the sign
 MOST_FRACTIONAL = 23
 COLOR_SCALE = 0.15
+MOST_CUT = 0.01  # of sizes, which the format can't hold
 COMPONENT = 511  # of a quaternion, 9 bits beside the sign
 
 Array = NDArray[np.float64]
@@ -29,14 +30,14 @@ def spz_bytes(splats: Splats) -> bytes:
 
     Fixed point has 24 bits a coordinate, with as many fractional ones as fit.  Logarithms of scales go in steps of 1/16, which are
     6 %, from exp(-10) to exp(5.9).  Opacities, colours and harmonics have 8 bits, quaternions 10 a component.  Raises ValueError
-    for sizes or places that this can't hold.
+    for places that this can't hold, and where it can't hold more than 1 % of the sizes; fewer are cut.
     """
     far = float(np.abs(splats.means).max(initial=1e-6))
     fractional = min(MOST_FRACTIONAL, POSITION_BITS - 1 - math.floor(math.log2(far)))
     if fractional < 0:
         raise ValueError(f"SPZ holds places up to {2**POSITION_BITS:,} from the origin, got {far:.4g}: choose .glb")
     steps = (np.log(splats.scales) + 10.0) * 16.0
-    if np.mean((steps < 0.0) | (steps > 255.0)) > 0.01:
+    if np.mean((steps < 0.0) | (steps > 255.0)) > MOST_CUT:
         raise ValueError(
             f"SPZ holds sizes from {math.exp(-10.0):.2g} to {math.exp(5.9):.3g} in world units, and those here go from "
             f"{splats.scales.min():.2g} to {splats.scales.max():.3g}: choose .glb, or smaller units"
