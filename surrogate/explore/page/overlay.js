@@ -25,28 +25,38 @@ function inksOf(background) {
   return 0.2126 * red + 0.7152 * green + 0.0722 * blue > LIGHT ? ["#101216", "#ffffff"] : ["#f1f3f6", "#101216"];
 }
 
+const STILL = ["title", "legend"]; // parts that stand still while the camera moves
+
 /** Show the marks of a picture in an SVG of `size` (CSS pixels); `look(axis)` hears that an axis is chosen. */
 export function overlay(svg, given, look) {
-  const { size, background } = given, [ink, around] = inksOf(background);
+  const { size, background, shown, title, words, legend, camera } = given, inks = inksOf(background);
+  if (!svg.firstChild) {
+    const group = () => drawn("g", { "aria-hidden": "true" });
+    svg.append(group(), group(), drawn("g", {}, ...[0, 1, 2].map(axis => axisButton(axis, look))));
+  }
+  const [still, moving, axes] = svg.children, key = JSON.stringify([size, background, shown, title, words, legend]);
+  const fill = (part, isStill) => part.replaceChildren(...annotationsOf({ ...given, shown: shown.filter(one => STILL.includes(one) === isStill) }).map(mark => shapeOf(mark, inks)));
   svg.setAttribute("viewBox", `0 0 ${size.join(" ")}`);
-  const shapes = annotationsOf(given).map(([kind, place, ...rest]) => {
-    if (kind === "rect") return drawn("rect", { x: place[0], y: place[1], width: place[2], height: place[3] + 0.5, fill: rest[0] });
-    if (kind === "path") return drawn("polyline", { points: place.map(point => point.join(",")).join(" "), fill: "none", stroke: ink, "stroke-width": 1.3 });
-    if (kind === "line") return drawn("line", { x1: place[0], y1: place[1], x2: place[2], y2: place[3], ...strokeOf(rest[0], ink) });
-    const [anchor, letter, text, weight] = rest;
-    return drawn("text", {
-      x: place[0], y: place[1], "text-anchor": anchor, "font-size": letter, "font-weight": weight, "dominant-baseline": "central",
-      fill: ink, stroke: around, "stroke-width": 3, "stroke-opacity": 0.6, "paint-order": "stroke",
-    }, text);
-  });
-  if (!svg.firstChild) svg.append(drawn("g", { "aria-hidden": "true" }), drawn("g", {}, ...[0, 1, 2].map(axis => axisButton(axis, look))));
-  const [marks, axes] = svg.children, tips = tipsOf(lensOf(given.camera, size), 1), [x, y] = triadAt(size, 1);
-  marks.replaceChildren(...shapes);
-  axes.style.display = given.shown.includes("axes") ? "" : "none";
+  if (key !== svg.dataset.key) fill(still, true);
+  svg.dataset.key = key;
+  fill(moving, false);
+  const tips = tipsOf(lensOf(camera, size), 1), [x, y] = triadAt(size, 1);
+  axes.style.display = shown.includes("axes") ? "" : "none";
   [...axes.children].forEach((made, k) => {
     made.setAttribute("cx", x + 1.35 * tips[k][0]);
     made.setAttribute("cy", y + 1.35 * tips[k][1]);
   });
+}
+
+function shapeOf([kind, place, ...rest], [ink, around]) {
+  if (kind === "rect") return drawn("rect", { x: place[0], y: place[1], width: place[2], height: place[3] + 0.5, fill: rest[0] });
+  if (kind === "path") return drawn("polyline", { points: place.map(point => point.join(",")).join(" "), fill: "none", stroke: ink, "stroke-width": 1.3 });
+  if (kind === "line") return drawn("line", { x1: place[0], y1: place[1], x2: place[2], y2: place[3], ...strokeOf(rest[0], ink) });
+  const [anchor, letter, text, weight] = rest;
+  return drawn("text", {
+    x: place[0], y: place[1], "text-anchor": anchor, "font-size": letter, "font-weight": weight, "dominant-baseline": "central",
+    fill: ink, stroke: around, "stroke-width": 3, "stroke-opacity": 0.6, "paint-order": "stroke",
+  }, text);
 }
 
 const strokeOf = (stroke, ink) => typeof stroke === "string"

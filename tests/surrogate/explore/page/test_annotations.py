@@ -57,7 +57,7 @@ def test_the_page_and_the_program_place_marks_alike(page: Page, explorer: str, r
 
 
 def shapes(page: Page) -> int:
-    count: int = page.evaluate("document.querySelectorAll('.annotations > g:first-child > *').length")
+    count: int = page.evaluate("document.querySelectorAll('.annotations > g[aria-hidden] > *').length")
     return count
 
 
