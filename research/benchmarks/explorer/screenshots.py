@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 from urllib.parse import urlencode
 
 from playwright.sync_api import Browser, Page, sync_playwright
@@ -19,14 +20,15 @@ from research.benchmarks.page import DOCS, command_line
 from tests.support.browsers import FLAGS, find_browser
 
 SIZE = {"width": 1280, "height": 800}
-STILL = "() => window.explorer?.resting && /^(?!Measuring)./.test(document.getElementById('expected').textContent)"
+STILL = "() => window.explorer?.resting && /dB|Beside/.test(expected.textContent) && !/Measuring/.test(document.body.innerText)"
+DARK: dict[str, Any] = {"viewport": SIZE, "color_scheme": "dark"}
 
 
 def taken(browser: Browser, address: str, state: dict[str, object], wait: str, target: Path) -> None:
     """A screenshot of the page at `address` in a state, once `wait` is true there."""
-    page = browser.new_page(viewport=SIZE)
+    page = browser.new_page(**DARK)
     page.goto(f"{address}#{urlencode(state)}")
-    page.wait_for_function(wait, timeout=60_000)
+    page.wait_for_function(wait, timeout=240_000)
     page.wait_for_timeout(500)
     page.screenshot(path=target)
     print(target)
@@ -35,13 +37,13 @@ def taken(browser: Browser, address: str, state: dict[str, object], wait: str, t
 
 def explored(browser: Browser, runs: Path) -> None:
     """Screenshots of the explorer's three modes."""
-    curve = {"a.show": "transfer_function", "a.c1_value": 1, "a.c2_value": -1.5, "a.c2_opacity": 0.15, "a.p.Re": 1830}
+    curve = {"a.function": "-20,0;2,0;5,0.1;8,0.7;20,0.9;60,1|", "a.p.Re": 1830}
     with serving("surrogate", "explore", runs / "tgv-tf") as (address, _, _):
         taken(browser, address, curve, STILL, DOCS / "explorer.png")
     with serving("surrogate", "explore", runs / "cloverleaf") as (address, _, _):
-        page: Page = browser.new_page(viewport=SIZE)
+        page: Page = browser.new_page(**DARK)
         page.goto(f"{address}#mode=compare&against=truth")
-        page.wait_for_function(STILL, timeout=60_000)
+        page.wait_for_function(STILL, timeout=240_000)
         test = page.locator("#member optgroup[label=test] option").first.get_attribute("value")
         page.locator("#member").select_option(test)
         page.locator("#nearest-picture").click()
@@ -58,7 +60,7 @@ def explored(browser: Browser, runs: Path) -> None:
 def browsed(browser: Browser, runs: Path) -> None:
     """A screenshot of the catalog's page, with a brush on its parallel coordinates."""
     with serving("catalogs", "browse", runs / "cloverleaf" / "catalog.cdb") as (address, _, _):
-        page = browser.new_page(viewport=SIZE)
+        page = browser.new_page(**DARK)
         page.goto(address)
         page.get_by_role("tab", name="Grid").click()
         page.wait_for_timeout(2000)

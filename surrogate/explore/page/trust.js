@@ -24,6 +24,7 @@ export class Trust {
     this.expected.classList.toggle("warning", Boolean(expected?.some(one => one.warning)));
     this.sign.className = `sign ${alone ? KINDS[alone.words] ?? "" : ""}`;
     this.sign.textContent = alone ? SIGNS[KINDS[alone.words]] ?? "" : "";
+    this.show.hidden = !facts.truth || kind !== "view";
     this.nearest.textContent = kind === "view" ? this.nearestRun() : "";
     if (!expected) {
       this.expected.textContent = facts.truth ? "Measuring what to expect here…" : "";
