@@ -57,7 +57,7 @@ TEMPLATE = """<!doctype html>
 
 
 def page_bytes(run: Run, expected: Expectations | None = None, modes: int | None = None) -> bytes:
-    """The page of a run, as HTML, which says what error to expect where that is expectations; see `PageModel.of`."""
+    """The page of a run, as HTML, which says what error to expect where that is measured; see `PageModel.of`."""
     model = PageModel.of(run, modes)
     expectations = expected or Expectations(why=average(run.surrogate, model.content["megabytes"]))
     content = model.content | {"expected": expectations.to_json()}

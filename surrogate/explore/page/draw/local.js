@@ -6,7 +6,7 @@ import { Doubt } from "draw/doubt.js";
 import { Graphics } from "draw/graphics.js";
 import { modelOf } from "draw/model.js";
 import { normalized } from "draw/parameters.js";
-import { transferOf, Ways } from "draw/ways.js";
+import { CARD, transferOf, Ways } from "draw/ways.js";
 import { paintMarks } from "explore/overlay.js";
 
 const given = JSON.parse(new TextDecoder().decode(await unpacked("surrogate")));

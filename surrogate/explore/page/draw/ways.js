@@ -6,7 +6,8 @@ import { FieldScripts } from "draw/field_scripts.js";
 import { figureFor, follows } from "draw/model.js";
 import { Scripts } from "draw/scripts.js";
 
-const CARD = "card", SCRIPTS = "scripts";
+export const CARD = "card"; // a device
+const SCRIPTS = "scripts";
 const GAUSSIANS = "gaussians", FIELD = "field", BOTH = "both";
 const WORDS = { [GAUSSIANS]: "Gaussians", [FIELD]: "emulated field", [BOTH]: "mean image of Gaussians and field" };
 const DEVICES = { [CARD]: "graphics card", [SCRIPTS]: "scripts" };
