@@ -89,6 +89,9 @@ class Setting:
         base = base_function(surrogate)
         if base is None:
             raise ValueError("this surrogate follows no transfer functions, so its colours can't be changed")
+        if self.function is not None and self.visualization:
+            named = ", ".join(self.visualization)
+            raise ValueError(f"a transfer function of its own has no {named}, which belong to the base: leave one out")
         function = self.function or base
         if self.function is None and self.visualization:
             function = displaced(base, [float(self.visualization.get(name, 0.0)) for name in POINT_PARAMETERS])

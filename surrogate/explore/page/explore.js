@@ -95,7 +95,7 @@ class Explorer {
     markTab(this.tabs, `mode-${state.mode}`);
     document.getElementById("stage-tab").setAttribute("aria-labelledby", `mode-${state.mode}`);
     document.body.dataset.mode = state.mode;
-    this.controls = [parameterPanel(this, swept), runsPanel(this), visualizationPanel(this, swept)].filter(Boolean);
+    this.controls = [parameterPanel(this, swept), visualizationPanel(this, swept), runsPanel(this)].filter(Boolean);
     this.ask = askPanel(this);
     const parts = [
       this.trust.box, state.mode === "compare" && comparePanel(this), state.mode === "sweep" && sweepPanel(this),

@@ -14,8 +14,10 @@ from click.testing import CliRunner
 
 from catalogs.vocabulary.appearance import TransferFunction
 from surrogate.explore.exporting.commands import export
+from surrogate.explore.exporting.sweep import Axis, Sweep, check
 from surrogate.explore.functions import FARTHEST, MOST_POINTS, function_of, record_of_function
 from surrogate.explore.request import MessageError, frame_request, setting_of
+from surrogate.explore.setting import Setting
 from surrogate.storage.picture_records import record_of
 from tests.support.field_blobs import FUNCTION
 from tests.support.models import following, plain
@@ -80,6 +82,13 @@ def test_a_function_stands_alone_and_needs_values() -> None:
         setting_of({**record, "visualization": {"c1_value": 0.1}}, following())
     with pytest.raises(MessageError, match="follows no transfer functions"):
         setting_of(record, plain())
+
+
+def test_control_points_of_the_base_are_not_swept_under_another_function() -> None:
+    function = function_of({"opacity_points": POINTS}, FUNCTION)
+    swept = Sweep(Setting({"p": 0.5}, function=function), Axis("c1_value", -0.1, 0.1, 3))
+    with pytest.raises(ValueError, match="has no c1_value, which belong to the base"):
+        check(swept, following())
 
 
 def test_the_command_takes_a_function_and_pictures_keep_it(tmp_path: Path) -> None:

@@ -15,6 +15,7 @@ from catalogs.vocabulary.parameters import Parameter, ParameterSpace
 from surrogate.explore.exporting.snippet import snippet
 from surrogate.explore.setting import Setting
 from surrogate.model import Surrogate
+from tests.support.field_blobs import FUNCTION
 from tests.support.models import following, plain
 
 PROJECT = Path(__file__).resolve().parents[4]
@@ -25,6 +26,10 @@ SETTINGS = {
     "transfer function": Setting({"p": 1 / 3}, {"c1_value": 0.1, "c2_opacity": -1 / 7}),
     "colours": Setting({"p": 1 / 3}, {}, "turbo"),
     "transfer function and colours": Setting({"p": 1 / 3}, {"c1_value": 0.1, "c2_opacity": -1 / 7}, "viridis"),
+    "any function": Setting({"p": 1 / 3}, function=replace(FUNCTION, opacity_points=((0.0, 0.1 + 0.2), (1.0, 0.9)))),
+    "any function in other colours": Setting(
+        {"p": 1 / 3}, {}, "plasma", function=replace(FUNCTION, opacity_points=((0.0, 0.1), (0.5, 0.9), (2.0, 0.0)))
+    ),
     "numpy": Setting({"p": np.float64(1 / 3)}, {"c1_value": np.float32(0.1)}),
 }
 

@@ -12,6 +12,9 @@ import pytest
 
 from catalogs import TransferFunction
 from surrogate import Surrogate
+from surrogate.explore.request import frame_request
+from tests.support.drawn_models import carrying
+from tests.support.drawn_pages import opened
 from tests.support.explored import addressed, assert_shown, drag, open_explorer, request_of, saved, settled, shown
 from tests.support.field_blobs import FUNCTION
 
@@ -161,3 +164,26 @@ def test_beyond_where_functions_were_trained_the_page_warns(page: Page, explorer
     drag(page, ".transfer .handle >> nth=1", 0, -60)
     assert_shown(page, surrogate)
     assert "dashed box" in warning.inner_text()
+
+
+def test_a_page_alone_edits_functions_of_a_run_that_varied_none(page: Page, tmp_path: Path) -> None:
+    surrogate = carrying()
+    opened(page, surrogate, tmp_path)
+    assert page.locator("[role=tab]").all_inner_texts() == ["Explore", "Compare", "Sweep"]  # nothing else can be shown
+    before = shown(page)
+    double_click(page)
+    page.locator("#point-opacity").fill("0.01")
+    page.keyboard.press("Enter")
+    page.get_by_role("button", name="cividis").click()
+    page.wait_for_function("() => window.explorer.resting")
+    message = request_of(page)
+    request = frame_request(
+        message | {"settings": [setting | {"using": ""} for setting in message["settings"]]}, surrogate
+    )
+    function = request.settings[0].transfer_function(surrogate)
+    assert 0.01 in [opacity for _, opacity in function.opacity_points]
+    under = surrogate.under(function, request.settings[0].parameters)
+    expected = under.render(request.camera, background=request.background)[..., :3]
+    assert np.abs(shown(page) - before).max() > 0.05
+    assert np.abs(shown(page) - expected).max() < 4 / 255  # by scripts
+    assert "function=" in page.evaluate("window.explorer.written")
