@@ -100,6 +100,9 @@ export async function drawable() {
   return { ...content, tensors: held(tensors), field: held(field) };
 }
 
+/** Tell the program what is shown, and hear what it sets: {number, parameters}, the latter null where nothing is newer. */
+export const follow = message => call("follow", message);
+
 /** There is a program that answers questions. */
 export const asks = true;
 

@@ -7,6 +7,7 @@ import { button, digits, element, markTab, tabs } from "../web/elements.js";
 import { Drawing } from "./drawing.js";
 import { exportPanel } from "./exports.js";
 import { listen } from "./hands.js";
+import { link } from "./link.js";
 import { cameraOf, rounded, seenAlong } from "./orbit.js";
 import { overlay, saidOf } from "./overlay.js";
 import { build, plan } from "./panes.js";
@@ -406,3 +407,4 @@ async function firstFacts() {
 const facts = await firstFacts();
 document.title = `${facts.title} · gs-surrogate`;
 window.explorer = new Explorer(facts);
+link(window.explorer);

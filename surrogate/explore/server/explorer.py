@@ -34,6 +34,7 @@ from surrogate.explore.run import Run
 from surrogate.explore.server.calls import Call, Sockets, parsed, reported
 from surrogate.explore.server.frames import Frames
 from surrogate.explore.server.guard import PAGE, guard
+from surrogate.explore.server.link import PageParameters
 from surrogate.explore.server.questions import Questions, about_of
 from surrogate.explore.truth import Truth
 
@@ -61,6 +62,7 @@ class Explorer:
         undoubted = "" if run.catalog else "without its catalog nobody can say how far off a picture is"
         self.frames = Frames(run.surrogate, Truth.of(run), undoubted=undoubted)
         self._facts = facts(run)
+        self.parameters = PageParameters(run.surrogate.space)
         self._expectations = Expectations(why=undoubted)
         # Torch's own operations are small, and its threads spin while they wait: those of several tabs for each other.
         alone: dict[str, Any] = {"initializer": torch.set_num_threads, "initargs": (1,)}
@@ -147,6 +149,7 @@ class Explorer:
             "expected": lambda request: {"expected": frames.expected(frame_request(request, surrogate, origins))},
             "over": lambda request: questions.over(frame_request(request, surrogate, origins), about_of(request)),
             "next": lambda _: questions.next(),
+            "follow": self.parameters.follow,
             "survey": lambda _: self._expectations.to_json(),
             "nearest": lambda request: {"found": frames.nearest(frame_request(request, surrogate, origins))},
         }

@@ -7,11 +7,13 @@ import atexit
 import html
 import os
 import threading
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
 from surrogate.explore.run import Run
 from surrogate.explore.server.explorer import Explorer
+from surrogate.explore.server.link import PageParameters
 from surrogate.model import Surrogate
 
 PATIENCE = 30.0  # seconds for a server to start
@@ -42,6 +44,15 @@ class NotebookExplorer:
     def address(self) -> str:
         """The page's address: below that of Jupyter, if it has a `base_url`."""
         return self._explorer.address
+
+    @property
+    def parameters(self) -> PageParameters:
+        """The parameters that the page shows: `page.parameters["Re"] = 900` moves it."""
+        return self._explorer.parameters
+
+    def on_change(self, callback: Callable[[dict[str, float]], Any]) -> None:
+        """Call a function with all parameters by name whenever the page has changed them, in a thread of the explorer."""
+        self.parameters.on_change(callback)
 
     def close(self) -> None:
         """Stop the server: its port and its threads are free again."""

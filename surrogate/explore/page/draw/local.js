@@ -43,7 +43,7 @@ async function unpacked(id) {
 export class Gone extends Error {}
 
 /** There is no program that could draw, or be asked. */
-export const drawable = null, expected = null, asks = false, over = null, suggested = null;
+export const drawable = null, expected = null, asks = false, over = null, suggested = null, follow = null;
 
 /** Whether a graphics card draws here. */
 export const drawsAlone = () => ways.device === CARD;

@@ -122,7 +122,7 @@ CLOSED = [
 def test_nothing_else_can_be_called(tab: Tab, name: str) -> None:
     before = tab.ask("facts")
     for request in (None, [], {}, [{"key": "title", "value": "<b>mine</b>"}], "title"):
-        assert "call is one of facts, frame, model, expected, over, next, survey, nearest" in harmless(
+        assert "call is one of facts, frame, model, expected, over, next, follow, survey, nearest" in harmless(
             tab.ask(name, request)
         )
     assert tab.ask("facts") == before
