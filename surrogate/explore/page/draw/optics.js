@@ -13,6 +13,6 @@ export const logitOf = depth => depth + Math.log(-Math.expm1(-depth));
 export function applied(averages, { low, high, dark }, columns, from, output) {
   averages.at(columns[from + GEOMETRY], columns[from + GEOMETRY + 1], output);
   const extinction = output[0];
-  output[0] = clamped(softplus(columns[from + GEOMETRY - 1]) * extinction, ...DEPTHS);
+  output[0] = clamped(softplus(columns[from + GEOMETRY - 1]) * extinction, DEPTHS[0], DEPTHS[1]);
   for (let k = 0; k < 3; ++k) output[k + 1] = clamped(output[k + 1] / Math.max(extinction, dark), low[k], high[k]);
 }

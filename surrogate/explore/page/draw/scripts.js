@@ -56,7 +56,7 @@ export class Scripts {
       for (let k = 0; k < 3; ++k) ready[to + 8 + k] = Math.exp(columns[from + 3 + k]);
       if (carried) {
         applied(this.table, nodes, columns, from, look);
-        ready.set(look.subarray(1), to + 11);
+        for (let k = 0; k < 3; ++k) ready[to + 11 + k] = look[k + 1];
       }
       ready[to + 3] = carried ? look[0] : softplus(columns[from + 10]);
     }

@@ -101,10 +101,10 @@ SCALE = ValueScale.of_function(FUNCTION)
 MODELS: dict[str, tuple[Callable[[], Surrogate], list[dict[str, Any]]]] = {
     "volume": (model, [{}]),
     "volume on a scale, by the distance that fits": (lambda: model(scale=SCALE, distance=None), [{}]),
-    "shaded volume": (lambda: model(replace(VOLUME, shaded=True)), [{}]),
+    "shaded volume": (lambda: model(replace(VOLUME, shaded=True), distance=0.4), [{}]),
     "narrow field": (lambda: model(VolumeRendering("dvr", PALE), factor=1e-3), [{}]),
     "volume with holes": (lambda: model(holes="still moving"), [{}]),
-    "shaded volume with holes": (lambda: model(replace(VOLUME, shaded=True), "still"), [{}]),
+    "shaded volume with holes": (lambda: model(replace(VOLUME, shaded=True), "still", 0.4), [{}]),
     "surfaces": (surfaces, [{"isovalue": 0.1}, {"isovalue": -0.3}]),
     "surfaces with holes": (lambda: surfaces("still moving"), [{"isovalue": 0.1}]),
     "other fields": (others, [{"appearance": "other"}, {"appearance": "dvr"}]),
