@@ -12,7 +12,7 @@ export class Trust {
   constructor(explorer) {
     this.explorer = explorer;
     this.sign = element("span", { class: "sign", "aria-hidden": "true" });
-    this.expected = element("p", { id: "expected", role: "status" });
+    this.expected = element("p", { id: "expected", role: "status", tabindex: 0 });
     this.nearest = element("p", { id: "nearest-run", class: "hint" });
     this.show = button("Show it", () => this.compare(), { id: "show-nearest", class: "plain", title: "Compare with the stored picture that is nearest to this one", hidden: !explorer.facts.truth });
     this.box = group("Trust", element("div", { class: "trust" }, this.sign, element("div", {}, this.expected, this.nearest), this.show));

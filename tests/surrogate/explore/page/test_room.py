@@ -42,7 +42,8 @@ def test_groups_fold_and_stay_folded(page: Page, explorer: str) -> None:
     page.goto(explorer)
     settled(page)
     folded = page.locator(".group:not([open]) > summary")
-    assert folded.all_inner_texts() == ["View", "Display", "Model"]
+    first = set(folded.all_inner_texts())
+    assert {"View", "Display", "Model"} <= first
     page.get_by_text("Display", exact=True).click()
     page.locator("summary", has_text="Simulation parameters").press("Enter")
     page.locator("#mode-compare").click()  # which builds the controls anew
@@ -50,7 +51,7 @@ def test_groups_fold_and_stay_folded(page: Page, explorer: str) -> None:
     assert page.locator("#parameter-0").is_hidden()
     page.reload()
     settled(page)
-    assert folded.all_inner_texts() == ["Simulation parameters", "View", "Model"]
+    assert set(folded.all_inner_texts()) == {"Simulation parameters", *first} - {"Display"}
 
 
 def test_panels_fold_away_for_the_picture(page: Page, explorer: str, surrogate: Surrogate) -> None:
