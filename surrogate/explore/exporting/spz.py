@@ -1,6 +1,6 @@
 """Gaussians as SPZ, Niantic's compressed format, version 3.
 
-Source: github.com/nianticlabs/spz, README, "File Format" as of version 3, and `packGaussians` of src/cc/load-spz.cc.  Version 4
+Source: github.com/nianticlabs/spz, "File Format" as of version 3, and `packGaussians` of src/cc/load-spz.cc.  Version 4
 needs Zstandard, which few viewers read yet; all read version 3.
 """
 

@@ -4,7 +4,7 @@ import { interpolated } from "draw/nodes.js";
 import { Processes } from "draw/processes.js";
 
 const LEAST_OPEN = 1e-9, MOST_DECIBELS = 60, MOST_OPAQUE = 0.999;
-const NEW = 0.05, MAGNIFIED = 4, SAMPLES = 8; // of functions that show what no trained one did; see docs/explorer.md
+const NEW = 0.05, MAGNIFIED = 4, SAMPLES = 8; // of functions that show what no trained one did; as in surrogate/answers/doubt.py
 const NEARER = 1.2, ASIDE = 0.25, LEAST_ANGLE = Math.PI / 180; // as in surrogate/answers/views.py
 const LIKE = "like a run that was simulated", BETWEEN = "between runs", FAR = "far from all runs", NEVER = "never shown in training";
 const FRACTIONS = new Intl.NumberFormat("en", { style: "percent" });

@@ -36,6 +36,7 @@ def parameters(page: Page) -> dict[str, float]:
 
 def press(page: Page, x: float, y: float, to: tuple[float, float] | None = None) -> None:
     """Press at a place of the drawing, in its own pixels, and drag."""
+    page.locator(".runs").scroll_into_view_if_needed()
     box = page.locator(".runs").bounding_box()
     assert box is not None
     scale = box["width"] / 288

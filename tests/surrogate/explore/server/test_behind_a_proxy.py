@@ -53,7 +53,7 @@ def test_the_command_is_reached_through_it(
         (path,) = re.findall(r" (/\S+) on the host of Jupyter", line)
         assert re.fullmatch(rf"{PREFIX}proxy/\d+/\?token=[\w-]{{32,}}", path)
         page.goto(login(hub))
-        open_explorer(page, f"{hub}{path}", "a.p.p=0.3")
+        open_explorer(page, f"{hub}{path}", "a.p.p=0.3&hide=title,legend,box,axes")
         assert urlsplit(page.url).path == urlsplit(path).path
         assert "token" not in page.url
         seen = assert_shown(page, surrogate)
