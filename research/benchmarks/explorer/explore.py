@@ -127,7 +127,7 @@ def handles(page: Page) -> dict[str, str]:
     """Draggable elements by what they change."""
     selectors = {"view": "#stage", "simulation parameter": "#parameter-0"}
     for kind, selector in (("isovalue", "#isovalue"), ("transfer_function", ".transfer .handle >> nth=1")):
-        if page.locator(f"#kind-{kind}").count():
+        if page.locator(f"#kind-{kind}").count() or page.locator(selector).count():
             selectors[kind.replace("_", " ")] = selector
     return selectors
 

@@ -1,9 +1,6 @@
 // Frames by the program, or by this browser where it has a graphics card, or is asked to: then no picture has to come over the line.
 
-import { answered } from "draw/answers.js";
 import { Graphics } from "draw/graphics.js";
-import { modelOf } from "draw/model.js";
-import { Ways } from "draw/ways.js";
 import { drawable, drawsAlone, expected, frame } from "./connection.js";
 
 export const HERE = "browser", THERE = "program"; // "" is whichever is faster
@@ -33,13 +30,21 @@ export class Drawing {
     const ways = await this.load();
     const own = ways && { ...request, settings: request.settings.map(setting => waysOf(setting, ways)) };
     if (!own || own.settings.includes(null)) return frame(request);
-    const answer = await answered(ways, own);
+    const answer = await this.answered(ways, own);
     return { ...answer, by: answer.by.map(words => `${words}, in this browser`), expected: request.form === "png" ? await expected(request) : null };
+  }
+
+  /** Fetch the modules that draw, and the model: most browsers without a graphics card never need them. */
+  async begin() {
+    const [{ answered }, { modelOf }, { Ways }] = await Promise.all(["answers", "model", "ways"].map(name => import(`draw/${name}.js`)));
+    const { tensors, field, ...given } = await drawable();
+    this.answered = answered;
+    return new Ways(modelOf(tensors, field, given.record), given, this.graphics);
   }
 
   /** The model, from the program, once; null where it can't be drawn here. */
   async load() {
-    this.loading ??= drawable().then(({ tensors, field, ...given }) => new Ways(modelOf(tensors, field, given.record), given, this.graphics));
+    this.loading ??= this.begin();
     try {
       this.ways = await this.loading;
     } catch (error) {

@@ -96,7 +96,9 @@ class Explorer {
     markTab(this.tabs, `mode-${state.mode}`);
     document.getElementById("stage-tab").setAttribute("aria-labelledby", `mode-${state.mode}`);
     document.body.dataset.mode = state.mode;
-    this.controls = [parameterPanel(this, swept), visualizationPanel(this, swept), runsPanel(this)].filter(Boolean);
+    const parameters = parameterPanel(this, swept), runs = runsPanel(this);
+    this.ofParameters = [parameters, runs].filter(Boolean);
+    this.controls = [parameters, visualizationPanel(this, swept), runs].filter(Boolean);
     this.ask = askPanel(this);
     const parts = [
       this.trust.box, state.mode === "compare" && comparePanel(this), state.mode === "sweep" && sweepPanel(this),
@@ -138,12 +140,13 @@ class Explorer {
     const { mode, active, sweep } = this.state;
     this.state = { ...state, mode: "view", active, sweep };
     if (mode !== "view" || this.arrangement !== arrangementOf(this.state)) this.arrange();
-    this.moved();
+    this.refresh();
+    this.changed();
   }
 
-  /** A control has changed the setting: the others follow. */
+  /** A control has changed parameters: the others of these follow. */
   moved() {
-    this.refresh();
+    for (const panel of this.ofParameters) panel.set(current(this.state));
     this.changed();
   }
 

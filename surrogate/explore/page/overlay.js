@@ -25,21 +25,26 @@ function inksOf(background) {
   return 0.2126 * red + 0.7152 * green + 0.0722 * blue > LIGHT ? ["#101216", "#ffffff"] : ["#f1f3f6", "#101216"];
 }
 
-const STILL = ["title", "legend"]; // parts that stand still while the camera moves
+const GROUPS = { // parts that are drawn anew together, when something that they need has changed
+  words: { parts: ["title"], needs: ["title", "words"] },
+  legend: { parts: ["legend"], needs: ["legend"] },
+  space: { parts: ["box", "axes"], needs: ["box", "camera"] },
+};
 
 /** Show the marks of a picture in an SVG of `size` (CSS pixels); `look(axis)` hears that an axis is chosen. */
 export function overlay(svg, given, look) {
-  const { size, background, shown, title, words, legend, camera } = given, inks = inksOf(background);
+  const { size, background, shown, camera } = given, inks = inksOf(background);
   if (!svg.firstChild) {
-    const group = () => drawn("g", { "aria-hidden": "true" });
-    svg.append(group(), group(), drawn("g", {}, ...[0, 1, 2].map(axis => axisButton(axis, look))));
+    svg.append(...Object.keys(GROUPS).map(() => drawn("g", { "aria-hidden": "true" })), drawn("g", {}, ...[0, 1, 2].map(axis => axisButton(axis, look))));
   }
-  const [still, moving, axes] = svg.children, key = JSON.stringify([size, background, shown, title, words, legend]);
-  const fill = (part, isStill) => part.replaceChildren(...annotationsOf({ ...given, shown: shown.filter(one => STILL.includes(one) === isStill) }).map(mark => shapeOf(mark, inks)));
+  const axes = svg.lastChild;
   svg.setAttribute("viewBox", `0 0 ${size.join(" ")}`);
-  if (key !== svg.dataset.key) fill(still, true);
-  svg.dataset.key = key;
-  fill(moving, false);
+  Object.values(GROUPS).forEach(({ parts, needs }, i) => {
+    const part = svg.children[i], own = shown.filter(one => parts.includes(one)), key = JSON.stringify([size, background, own, ...needs.map(name => given[name])]);
+    if (key === part.dataset.key) return;
+    part.dataset.key = key;
+    part.replaceChildren(...annotationsOf({ ...given, shown: own }).map(mark => shapeOf(mark, inks)));
+  });
   const tips = tipsOf(lensOf(camera, size), 1), [x, y] = triadAt(size, 1);
   axes.style.display = shown.includes("axes") ? "" : "none";
   [...axes.children].forEach((made, k) => {

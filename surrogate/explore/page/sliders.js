@@ -57,9 +57,10 @@ export function slider(parameter, id, moved) {
   }
 
   function set(value) {
+    number.set(value);
+    if (value === current) return;
     current = value;
     range.value = on(value);
-    number.set(value);
     warning.textContent = extrapolation(parameter, value);
     warning.hidden = !warning.textContent;
     range.setAttribute("aria-valuetext", `${digitsOf(parameter, value)}${unit ? ` ${unit}` : ""}${warning.hidden ? "" : ", outside the training range"}`);

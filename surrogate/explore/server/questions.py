@@ -7,13 +7,9 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import gaussian_filter
 
 from catalogs.files.images import encode_png
 from catalogs.vocabulary.words import one_line
-from surrogate.answers.maps import error_map
-from surrogate.answers.next_runs import next_runs
-from surrogate.answers.sensitivity import sensitivity
 from surrogate.explore.exporting.difference import ENTRIES, color_table, reach
 from surrogate.explore.request import FrameRequest, MessageError
 from surrogate.explore.run import Run
@@ -41,6 +37,11 @@ class Questions:
         `about` is `WRONG` or the name of a parameter.  `shares` are the changes of the whole picture by each parameter, 1 for the
         largest; empty for `WRONG`.  Raises MessageError for anything else, ValueError where nobody can say.
         """
+        from scipy.ndimage import gaussian_filter
+
+        from surrogate.answers.maps import error_map
+        from surrogate.answers.sensitivity import sensitivity
+
         setting, camera = request.settings[0], request.camera
         small = camera.resized(max(camera.width // SMALLER, 8), max(camera.height // SMALLER, 8))
         names = self.run.surrogate.space.names
@@ -66,6 +67,8 @@ class Questions:
 
     def next(self) -> dict[str, Any]:
         """Runs that would teach most, as values by parameter."""
+        from surrogate.answers.next_runs import next_runs
+
         if self.run.catalog is None:
             raise ValueError("without its catalog nobody knows which runs there are")
         field = self.run.surrogate.field

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -24,7 +25,7 @@ NUMBERS = """async places => {
   const { Doubt } = await import("draw/doubt.js"), { normalized } = await import("draw/parameters.js");
   const { survey } = await import(new URL("explore/connection.js", document.baseURI)), { facts } = window.explorer;
   const doubt = new Doubt(await survey(), facts.parameters), [using] = Object.keys(doubt.survey.expectations);
-  return places.map(place => doubt.numbers(normalized(facts.parameters, place), using).psnr);
+  return places.map(place => doubt.numbers(normalized(facts.parameters, place), using));
 }"""
 
 
@@ -54,8 +55,12 @@ def test_the_only_parameter_has_a_curve_and_its_interval(page: Page, explorer: s
     assert points is not None
     heights = np.array([float(point.split(",")[1]) for point in points.split()])
     places = [{"p": (i + 0.5) / 20} for i in range(20)]
-    numbers = np.array(page.evaluate(NUMBERS, places))
-    assert np.corrcoef(heights, numbers)[0, 1] == pytest.approx(-1, abs=1e-6)  # higher is better
+    numbers = page.evaluate(NUMBERS, places)
+    low, high = (edge(one[name] for one in numbers for name in ("low", "high")) for edge in (min, max))
+    low = math.floor(low)
+    high = max(math.ceil(high), low + 1)
+    expected = [160 - 152 * (one["psnr"] - low) / (high - low) for one in numbers]  # higher is better
+    assert heights == pytest.approx(expected, abs=1e-3)
     assert page.locator(".runs .run").count() == 8
     press(page, 200, 60)
     assert parameters(page)["p"] == pytest.approx((200 - 40) / 240, abs=1e-3)
