@@ -100,7 +100,7 @@ def test_from_a_loop_of_ones_own_to_the_explorer(installed: Path, place: Path, p
 
     lines = [line.split("#")[0].strip() for line in commands.splitlines()]
     assert lines[0] == "python heat.py"
-    train, evaluate, explore = lines[1:]
+    train, evaluate, explore, export = lines[1:]
     run(smaller(train).split(), installed, place)
     (place / "look.py").write_text(
         f"{in_python}\nassert picture.shape == (64, 64, 4) and picture[..., 3].max() > 0.2\n"
@@ -116,3 +116,7 @@ def test_from_a_loop_of_ones_own_to_the_explorer(installed: Path, place: Path, p
         picture.wait_for()
         page.wait_for_timeout(2000)
         assert np.ptp(pixels(picture).reshape(-1, 3), axis=0).max() > 60  # something is to be seen
+        run(export.split(), installed, place)
+        page.goto((place / "heat.html").as_uri())
+        page.wait_for_function("() => document.documentElement.dataset.shown")
+        assert np.ptp(pixels(page.locator("canvas").first).reshape(-1, 3), axis=0).max() > 60
