@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -89,3 +90,21 @@ def decibels(found: NDArray[np.float32], expected: NDArray[np.float32]) -> float
     """Of a picture of premultiplied RGBA and the expected one on white."""
     on_white = np.clip(found[..., :3].astype(np.float64) + 1.0 - found[..., 3:], 0.0, 1.0)
     return float(-10.0 * np.log10(max(((on_white - expected[..., :3]) ** 2).mean(), 1e-15)))
+
+
+def places_of(surrogate: Surrogate) -> Iterator[dict[str, float]]:
+    """Random parameters within the bounds, by name, the same each time."""
+    random, names = np.random.default_rng(0), surrogate.space.names
+    while True:
+        row = surrogate.space.denormalize(random.uniform(-1.0, 1.0, len(names))).tolist()
+        yield dict(zip(names, row, strict=True))
+
+
+def assert_agree(page: Page, cases: list[dict[str, Any]], expected: list[NDArray[np.float32]]) -> None:
+    """Both ways of the page draw cases as expected on white, of which something is seen."""
+    assert max(float(picture.mean()) for picture in expected) < 0.99
+    for engine, mean, worst in (("card", 95.0, 85.0), ("scripts", 80.0, 75.0)):
+        found = drawn(page, cases, engine)
+        scores = [decibels(*pair) for pair in zip(found, expected, strict=True)]
+        assert np.mean(scores) >= mean, (engine, scores)
+        assert min(scores) >= worst, (engine, scores)

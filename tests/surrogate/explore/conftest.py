@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
@@ -39,6 +40,12 @@ def run_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
         summary=summary(BLOBS),
     )
     return folder
+
+
+@pytest.fixture
+def own_run(run_folder: Path, tmp_path: Path) -> Path:
+    """A copy of the run for one test alone: what is measured of it lies there."""
+    return Path(shutil.copytree(run_folder, tmp_path / "blobs"))
 
 
 @pytest.fixture(scope="session")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 import signal
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -20,11 +19,9 @@ pytestmark = pytest.mark.slow
 
 
 def test_the_page_goes_on_when_its_program_is_started_again(
-    page: Page, run_folder: Path, tmp_path: Path, surrogate: Surrogate, complaints: list[str]
+    page: Page, own_run: Path, surrogate: Surrogate, complaints: list[str]
 ) -> None:
-    run = tmp_path / "blobs"
-    shutil.copytree(run_folder, run)
-    with command(run) as (process, line):
+    with command(own_run) as (process, line):
         address = address_in(line)
         open_explorer(page, address, "a.p.p=0.3")
         process.send_signal(signal.SIGINT)
@@ -33,12 +30,12 @@ def test_the_page_goes_on_when_its_program_is_started_again(
         assert "The explorer has stopped" in lost.inner_text()
         process.wait(timeout=60)
     page.locator("#parameter-0").press("ArrowRight")  # what is set meanwhile is shown later
-    with command(run) as (process, line):
+    with command(own_run) as (process, line):
         assert address_in(line) == address
         lost.wait_for(state="hidden", timeout=60_000)
         assert_shown(page, surrogate)
         assert request_of(page)["settings"][0]["parameters"] == {"p": 0.31}
-        with command(run) as (_, another):  # a second one of the same run has another port
+        with command(own_run) as (_, another):  # a second one of the same run has another port
             assert address_in(another) != address
     page.close()  # it complains no more
     complaints.clear()  # browsers tell of every attempt

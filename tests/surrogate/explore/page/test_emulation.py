@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -27,7 +28,7 @@ from surrogate.model import FieldModel
 from surrogate.model.form import without_gaussians
 from surrogate.model.representation import RepresentationScores
 from tests.support.drawn_models import colored
-from tests.support.drawn_pages import decibels, field_drawn, opened
+from tests.support.drawn_pages import decibels, field_drawn, opened, places_of
 
 if TYPE_CHECKING:
     from playwright.sync_api import Page
@@ -125,11 +126,10 @@ def test_the_page_draws_what_the_ray_caster_draws(page: Page, tmp_path: Path, na
     make, settings = MODELS[name]
     surrogate = make()
     opened(page, surrogate, tmp_path)
-    random, cases, expected = np.random.default_rng(0), [], []
-    for number, camera in enumerate(cameras()):
-        row = surrogate.space.denormalize(random.uniform(-1.0, 1.0, 2)).tolist()
-        parameters = dict(zip(surrogate.space.names, row, strict=True))
-        visualization = settings[number % len(settings)]
+    cases, expected = [], []
+    for camera, parameters, visualization in zip(
+        cameras(), places_of(surrogate), itertools.cycle(settings), strict=False
+    ):
         cases.append({"parameters": parameters, "visualization": visualization, "camera": camera.to_json()})
         expected.append(surrogate.at(parameters | visualization).render(camera, background=WHITE))
     assert max(float(picture.mean()) for picture in expected) < 0.99

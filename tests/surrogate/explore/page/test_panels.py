@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import shutil
 import signal
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -79,11 +78,9 @@ def test_while_something_moves_the_line_is_silent(page: Page, explorer: str) -> 
 
 
 def test_an_explorer_that_hangs_is_said_and_waited_for(
-    page: Page, run_folder: Path, tmp_path: Path, surrogate: Surrogate, complaints: list[str]
+    page: Page, own_run: Path, surrogate: Surrogate, complaints: list[str]
 ) -> None:
-    run = tmp_path / "blobs"
-    shutil.copytree(run_folder, run)
-    with command(run) as (process, line):
+    with command(own_run) as (process, line):
         open_explorer(page, address_in(line))
         os.kill(process.pid, signal.SIGSTOP)
         try:
