@@ -11,6 +11,8 @@ from surrogate.answers.survey import Survey
 from surrogate.evaluation.scoring import Report
 from surrogate.explore.run import Run
 
+NO_CATALOG = "without its catalog nobody can say how far off a picture is"
+
 
 @dataclass(frozen=True, eq=False)
 class Expectations:
@@ -26,7 +28,7 @@ class Expectations:
     def of(cls, run: Run, doubt: Doubt | None, progress: Report) -> Expectations:
         """Those of a run, measured where nobody did so before; that takes a minute or two."""
         if run.catalog is None:
-            return cls(why="without its catalog nobody can say how far off a picture is")
+            return cls(why=NO_CATALOG)
         try:
             doubt = doubt or Doubt.of(run.surrogate, run.catalog, run.folder, progress)
         except ValueError as error:  # too few members

@@ -137,11 +137,8 @@ class Explorer {
 
   /** Show a state on the way to another. */
   travel(state) {
-    const { mode, active, sweep } = this.state;
-    this.state = { ...state, mode: "view", active, sweep };
-    if (mode !== "view" || this.arrangement !== arrangementOf(this.state)) this.arrange();
-    this.refresh();
-    this.changed();
+    const { active, sweep } = this.state;
+    this.set({ ...state, mode: "view", active, sweep });
   }
 
   /** A control has changed parameters: the others of these follow. */
@@ -410,4 +407,4 @@ async function firstFacts() {
 const facts = await firstFacts();
 document.title = `${facts.title} · gs-surrogate`;
 window.explorer = new Explorer(facts);
-link(window.explorer);
+if (facts.linked) link(window.explorer);

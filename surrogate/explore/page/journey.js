@@ -1,7 +1,7 @@
 // The way from snapshot to snapshot: settings and cameras between two states.
 
 import { anglesOf, placedAt } from "./orbit.js";
-import { current } from "./state.js";
+import { current, shareOf, valueAt } from "./state.js";
 
 const between = (a, b, share) => a + (b - a) * share;
 const smooth = share => share * share * (3 - 2 * share); // slow at both ends
@@ -10,8 +10,7 @@ const smooth = share => share * share * (3 - 2 * share); // slow at both ends
 export function stateBetween(first, last, share, facts) {
   const at = smooth(share), nearer = structuredClone(at < 0.5 ? first : last), [a, b] = [current(first), current(last)], setting = current(nearer);
   for (const p of facts.parameters) {
-    const [on, off] = p.scale === "log" ? [Math.log, Math.exp] : [x => x, x => x];
-    setting.parameters[p.name] = off(between(on(a.parameters[p.name]), on(b.parameters[p.name]), at));
+    setting.parameters[p.name] = valueAt(p, between(shareOf(p, a.parameters[p.name]), shareOf(p, b.parameters[p.name]), at));
   }
   if (a.kind === "isovalue" && b.kind === "isovalue") setting.isovalue = between(a.isovalue, b.isovalue, at);
   for (const name of Object.keys(setting.points)) setting.points[name] = between(a.points[name], b.points[name], at);

@@ -7,7 +7,6 @@ const EVERY = 300; // milliseconds
 
 /** Keep in step with the program's `page.parameters` from now on. */
 export async function link(explorer) {
-  if (!follow) return;
   for (let number = 0; ;) {
     try {
       const answer = await follow({ number, parameters: current(explorer.state).parameters });

@@ -5,7 +5,7 @@ import { normalized } from "draw/parameters.js";
 import { digits, digitsOf, drawn, element, menu } from "../web/elements.js";
 import { survey } from "./connection.js";
 import { group } from "./groups.js";
-import { current, tidy } from "./state.js";
+import { current, shareOf, tidy, valueAt } from "./state.js";
 
 const CELLS = 20, WIDTH = 288, HEIGHT = 190, LEFT = 40, BOTTOM = 30, TOP = 8, RIGHT = 8; // pixels of the drawing
 const REACH = 6; // of a run, in the drawing's pixels
@@ -142,7 +142,7 @@ class RunMap {
   }
 
   place(p, value, vertical) {
-    const share = (on(p)(value) - on(p)(p.low)) / (on(p)(p.high) - on(p)(p.low));
+    const share = shareOf(p, value);
     return vertical ? HEIGHT - BOTTOM - share * (HEIGHT - TOP - BOTTOM) : LEFT + share * (WIDTH - LEFT - RIGHT);
   }
 
@@ -208,10 +208,6 @@ class RunMap {
     if (second) parameters[second.name] = tidy(valueAt(second, share(y, HEIGHT - BOTTOM, TOP)), second);
   }
 }
-
-const on = p => p.scale === "log" ? Math.log : x => x;
-const off = p => p.scale === "log" ? Math.exp : x => x;
-const valueAt = (p, share) => off(p)(on(p)(p.low) + share * (on(p)(p.high) - on(p)(p.low)));
 
 function colorOf(share) {
   const place = Math.max(0, Math.min(1, share)) * (COLORS.length - 1), i = Math.min(Math.floor(place), COLORS.length - 2);

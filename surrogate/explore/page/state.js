@@ -20,6 +20,11 @@ export const CELLS = 60; // pictures of a sweep at most
 
 export const variation = (facts, kind) => facts.variations.find(v => v.kind === kind);
 export const current = state => state.settings[state.active];
+
+/** Where a value lies between a parameter's bounds, 0 to 1 and beyond, on its scale; and the value there. */
+export const shareOf = (p, value) => p.scale === "log" ? Math.log(value / p.low) / Math.log(p.high / p.low) : (value - p.low) / (p.high - p.low);
+export const valueAt = (p, share) => p.scale === "log" ? p.low * (p.high / p.low) ** share : p.low + (p.high - p.low) * share;
+
 const middle = p => p.scale === "log" ? Math.sqrt(p.low * p.high) : (p.low + p.high) / 2;
 
 /** The parameters of the control points: [{ name, unit, origin, low, high, least, most }], none without a transfer function. */

@@ -2,7 +2,7 @@
 
 import { button, element } from "../web/elements.js";
 import { group } from "./groups.js";
-import { current } from "./state.js";
+import { current, shareOf } from "./state.js";
 import { shortest, spanOf, valued } from "./words.js";
 
 const KINDS = { "like a run that was simulated": "like", "between runs": "between", "far from all runs": "far", "never shown in training": "never" };
@@ -48,8 +48,7 @@ export class Trust {
   /** The run whose parameters are nearest, as shares of their ranges. */
   nearestRun() {
     const { facts, state } = this.explorer, { parameters } = current(state), trained = facts.members.filter(({ split }) => split !== "test");
-    const place = (p, value) => p.scale === "log" ? Math.log(value / p.low) / Math.log(p.high / p.low) : (value - p.low) / (p.high - p.low);
-    const away = ({ values }) => Math.hypot(...facts.parameters.map((p, i) => place(p, values[i]) - place(p, parameters[p.name])));
+    const away = ({ values }) => Math.hypot(...facts.parameters.map((p, i) => shareOf(p, values[i]) - shareOf(p, parameters[p.name])));
     if (!trained.length) return "";
     const nearest = trained.reduce((best, one) => away(one) < away(best) ? one : best);
     return `Nearest run: ${facts.parameters.map((p, i) => valued(p, nearest.values[i])).join(", ")}${nearest.split === "train" ? "" : " (validation)"}`;

@@ -25,7 +25,7 @@ from catalogs.store.catalog import CatalogError
 from catalogs.web import ASSETS
 from catalogs.web.access import LOCAL, Access
 from surrogate.answers.doubt import Doubt
-from surrogate.explore.exporting.expectations import Expectations
+from surrogate.explore.exporting.expectations import NO_CATALOG, Expectations
 from surrogate.explore.exporting.exports import Export, exported
 from surrogate.explore.exporting.page_model import PageModel
 from surrogate.explore.facts import facts
@@ -53,15 +53,16 @@ class Explorer:
     """The server of one run: `serve` it in a loop, and `close` it afterwards.
 
     It listens on `host`.  With a `base_url` it is reached through the proxy of the Jupyter server that has this base URL.
+    Its pages keep in step with `parameters` where it is `linked` to whoever reads and sets these.
     """
 
-    def __init__(self, run: Run, *, host: str = LOCAL, base_url: str = "") -> None:
+    def __init__(self, run: Run, *, host: str = LOCAL, base_url: str = "", linked: bool = False) -> None:
         self.run = run
         self.access = Access.of(host, base_url)
         self.port = 0  # until it listens
-        undoubted = "" if run.catalog else "without its catalog nobody can say how far off a picture is"
+        undoubted = "" if run.catalog else NO_CATALOG
         self.frames = Frames(run.surrogate, Truth.of(run), undoubted=undoubted)
-        self._facts = facts(run)
+        self._facts = facts(run) | {"linked": linked}
         self.parameters = PageParameters(run.surrogate.space)
         self._expectations = Expectations(why=undoubted)
         # Torch's own operations are small, and its threads spin while they wait: those of several tabs for each other.

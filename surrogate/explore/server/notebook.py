@@ -30,7 +30,7 @@ class NotebookExplorer:
     def __init__(self, run: Run, *, height: int = 720, base_url: str = "") -> None:
         self._height = height
         self._ready = threading.Event()
-        self._explorer = Explorer(run, base_url=base_url)
+        self._explorer = Explorer(run, base_url=base_url, linked=True)
         self._task: asyncio.Task[Any] | None = None
         self._failure: BaseException | None = None
         self._thread = threading.Thread(target=self._serve, name="explorer", daemon=True)
