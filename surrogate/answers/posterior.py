@@ -30,7 +30,6 @@ from surrogate.model import Surrogate
 from surrogate.splatting.threads import one_torch_thread
 
 WIDE = 0.4  # of the range: an interval wider than that does not identify a parameter
-FOREIGN = 1.1  # times the largest residual of validation members
 
 
 @dataclass(frozen=True)
@@ -83,8 +82,11 @@ class Inverse:
 
     @property
     def foreign(self) -> bool:
-        """True where no parameters draw such a picture: another field, function, or camera."""
-        return self.residual_ratio > FOREIGN
+        """True where no parameters draw such a picture: another field, function, or camera.
+
+        Of right pictures, drawn like those of n validation members, one in n + 1 is flagged too.
+        """
+        return self.residual_ratio > 1.0
 
     @property
     def values(self) -> dict[str, float]:

@@ -23,7 +23,6 @@ from research.benchmarks.answers.inverse import SPLITS, Read, read_members
 from research.benchmarks.page import DOCS, command_line, made_by, publish, table
 from surrogate.answers.inverse import best_fits
 from surrogate.answers.inverse_calibration import MOST
-from surrogate.answers.posterior import FOREIGN
 from surrogate.answers.targets import Target
 from surrogate.evaluation.metrics import WHITE, composite
 from surrogate.evaluation.scoring import spread
@@ -106,7 +105,7 @@ def row_of(run: Run, members: int) -> list[str]:
     random, false, flagged = np.random.default_rng(0), [], []
     for _ in range(SPLITS):
         order = random.permutation(len(right))
-        most = FOREIGN * right[order[:MOST]].max()
+        most = right[order[:MOST]].max()
         false.append(np.mean(right[order[MOST:]] > most))
         flagged.append([np.mean(each > most) for each in others.values()])
     shares = (np.mean(false), *np.mean(flagged, axis=0))
