@@ -102,7 +102,7 @@ class Inverse:
         if self.foreign:
             said.insert(
                 0,
-                f"No parameters draw such a picture: it is {self.residual_ratio:.1f} times as far off as pictures of "
+                f"No parameters draw such a picture: it is {self.residual_ratio:.2f} times as far off as pictures of "
                 "validation members are at most. Another field, function or camera?"
                 if self.cameras[0]
                 else "No parameters give such numbers: they are farther off than the emulator errs",
