@@ -102,8 +102,8 @@ class Setting:
 
 
 def listed(values: Mapping[str, float | str], origins: Mapping[str, float] | None = None) -> str:
-    """Such as "Re=1800, appearance=speed"; values with an origin are given from zero on, as in `with_origins`."""
-    return ", ".join(f"{name}={_word(value)}" for name, value in with_origins(values, origins).items())
+    """Such as "Re = 1800, appearance = speed"; values with an origin are given from zero on, as in `with_origins`."""
+    return ", ".join(f"{name} = {_word(value)}" for name, value in with_origins(values, origins).items())
 
 
 def with_origins(

@@ -11,6 +11,7 @@ The same geometry as `surrogate/explore/page/annotations.js`, in pixels from the
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -28,6 +29,7 @@ APART, SHORTEST, TICK, NUMBER, NAME, LETTER = 64, 40, 5, 9, 24, 6  # pixels at s
 NEAR = 1e-3  # of the box's diagonal
 NAMES, AXES, ARM, CORNER = "xyz", ("#e5605e", "#4fa35f", "#5b8def"), 28, 54
 LEFT, TOP, LEGEND_TOP, BAR, CURVE, STEPS, TALLEST = 18, 20, 66, 12, 26, 64, 240
+LINE, MOST_LINES, WIDTH_OF_LETTER = 15, 5, 0.58  # of words below the title; a letter's share of its height
 
 Mark = tuple[Any, ...]
 Array = NDArray[np.float64]
@@ -59,11 +61,12 @@ class Annotations:
         """All marks of what `camera` sees."""
         scale, size = scale_of(camera), (camera.width, camera.height)
         legend = self.legend if "legend" in self.parts else None
+        lines = _lines(self.words, size[0], scale) if "title" in self.parts else []
         return [
             *(_box_marks(camera, self.box, scale) if "box" in self.parts else ()),
-            *(() if legend is None else _legend_marks(legend, size, scale)),
+            *(() if legend is None else _legend_marks(legend, size, scale, len(lines))),
             *(_axis_marks(camera, scale) if "axes" in self.parts else ()),
-            *(_title_marks(self.title, self.words, size, scale) if "title" in self.parts else ()),
+            *(_title_marks(self.title, lines, size, scale) if "title" in self.parts else ()),
         ]
 
 
@@ -190,8 +193,12 @@ def nice_numbers(low: float, high: float, most: int) -> tuple[list[float], list[
 # ---- legend, axes, title
 
 
-def _legend_marks(legend: Legend, size: tuple[int, int], scale: float) -> list[Mark]:
-    top, tall, left = LEGEND_TOP * scale, min(TALLEST * scale, 0.45 * size[1]), LEFT * scale
+def _legend_marks(legend: Legend, size: tuple[int, int], scale: float, lines: int) -> list[Mark]:
+    top, tall, left = (
+        (LEGEND_TOP + LINE * max(0, lines - 1)) * scale,
+        min(TALLEST * scale, 0.45 * size[1]),
+        LEFT * scale,
+    )
     if tall < 3 * SHORTEST * scale:
         return []
 
@@ -235,15 +242,34 @@ def _axis_marks(camera: Camera, scale: float) -> list[Mark]:
     return marks
 
 
-def _title_marks(title: str, words: str, size: tuple[int, int], scale: float) -> list[Mark]:
-    def short(text: str, letter: int) -> str:
-        most = max(8, math.floor((size[0] / scale - 2 * LEFT) / (0.58 * letter)))
-        return f"{text[: most - 1]}…" if len(text) > most else text
+def _lines(words: str, width: int, scale: float) -> list[str]:
+    """Settings in lines that are no wider than a picture, broken between them."""
+    most, lines = _letters_in(width, scale, 12), list[str]()
+    for part in re.split(r" (?=·)|(?<=,) ", words):
+        if lines and len(f"{lines[-1]} {part}") <= most:
+            lines[-1] += f" {part}"
+        else:
+            lines.append(part.removeprefix("· "))
+    if len(lines) > MOST_LINES:
+        lines[MOST_LINES - 1] += " …"
+    return [_short(line, most) for line in lines[:MOST_LINES]]
 
+
+def _title_marks(title: str, lines: Sequence[str], size: tuple[int, int], scale: float) -> list[Mark]:
+    texts = [(0, 16, _short(title, _letters_in(size[0], scale, 16)), 650)]
+    texts += [(21 + LINE * i, 12, line, 400) for i, line in enumerate(lines)]
     return [
-        ("text", (LEFT * scale, TOP * scale), "start", 16, short(title, 16), 650),
-        ("text", (LEFT * scale, (TOP + 21) * scale), "start", 12, short(words, 12), 400),
+        ("text", (LEFT * scale, (TOP + below) * scale), "start", letter, text, weight)
+        for below, letter, text, weight in texts
     ]
+
+
+def _letters_in(width: int, scale: float, letter: int) -> int:
+    return max(8, math.floor((width / scale - 2 * LEFT) / (WIDTH_OF_LETTER * letter)))
+
+
+def _short(text: str, most: int) -> str:
+    return f"{text[: most - 1]}…" if len(text) > most else text
 
 
 def _hexadecimal(color: Sequence[float]) -> str:

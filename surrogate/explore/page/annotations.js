@@ -13,19 +13,21 @@ const APART = 64, SHORTEST = 40, TICK = 5, NUMBER = 9, NAME = 24, LETTER = 6; //
 const NEAR = 1e-3; // of the box's diagonal
 const NAMES = "xyz", AXES = ["#e5605e", "#4fa35f", "#5b8def"], ARM = 28, CORNER = 54;
 export const LEFT = 18, TOP = 20;
+const LINE = 15, MOST_LINES = 5, WIDTH_OF_LETTER = 0.58; // of words below the title; a letter's share of its height
 const LEGEND_TOP = 66, BAR = 12, CURVE = 26, STEPS = 64, TALLEST = 240;
 
 /** The scale of a file by the pixels of its shorter side; on the screen it is 1. */
 export const scaleOf = ([width, height]) => Math.max(0.75, Math.min(4, Math.min(width, height) / 600));
 
-/** All marks of a picture; `legend` is { colors, opacity, knots, label } or null, `shown` the names of PARTS that are not hidden. */
-export function annotationsOf({ camera, size, box, legend, title, words, shown, scale = 1 }) {
+/** All marks of a picture; `legend` is { colors, opacity, knots, label } or null, `shown` the names of PARTS that are not hidden, 
+ * `lines` the words, `rows` how many of them stand over the legend. */
+export function annotationsOf({ camera, size, box, legend, title, words, shown, scale = 1, lines = linesOf(words, size[0], scale), rows = shown.includes("title") ? lines.length : 0 }) {
   const lens = lensOf(camera, size);
   return [
     ...shown.includes("box") ? boxOf(lens, box, scale) : [],
-    ...shown.includes("legend") && legend ? legendOf(legend, size, scale) : [],
+    ...shown.includes("legend") && legend ? legendOf(legend, size, scale, rows) : [],
     ...shown.includes("axes") ? axesOf(lens, size, scale) : [],
-    ...shown.includes("title") ? titleOf(title, words, size, scale) : [],
+    ...shown.includes("title") ? titleOf(title, lines, size, scale) : [],
   ];
 }
 
@@ -106,8 +108,8 @@ export function niceNumbers(low, high, most) {
 
 // ---- legend, axes, title
 
-function legendOf({ colors, opacity, knots, label }, [, height], scale) {
-  const axis = axisOf(knots), top = LEGEND_TOP * scale, tall = Math.min(TALLEST * scale, 0.45 * height), left = LEFT * scale;
+function legendOf({ colors, opacity, knots, label }, [, height], scale, rows) {
+  const axis = axisOf(knots), top = (LEGEND_TOP + LINE * Math.max(0, rows - 1)) * scale, tall = Math.min(TALLEST * scale, 0.45 * height), left = LEFT * scale;
   if (tall < 3 * SHORTEST * scale) return [];
   const y = place => top + tall * (1 - place), x = share => left + (BAR + 4 + CURVE * share) * scale, marks = [];
   for (let i = 0; i < STEPS; ++i) {
@@ -143,10 +145,22 @@ function axesOf(lens, size, scale) {
   ]);
 }
 
-function titleOf(title, words, [width], scale) {
-  const short = (text, size) => {
-    const most = Math.max(8, Math.floor((width / scale - 2 * LEFT) / (0.58 * size)));
-    return text.length > most ? `${text.slice(0, most - 1)}…` : text;
-  };
-  return [["text", [LEFT * scale, TOP * scale], "start", 16, short(title, 16), 650], ["text", [LEFT * scale, (TOP + 21) * scale], "start", 12, short(words, 12), 400]];
+const lettersIn = (width, scale, letter) => Math.max(8, Math.floor((width / scale - 2 * LEFT) / (WIDTH_OF_LETTER * letter)));
+const short = (text, most) => text.length > most ? `${text.slice(0, most - 1)}…` : text;
+
+/** Settings in lines that are no wider than `width`, broken between them. */
+export function linesOf(words, width, scale) {
+  const most = lettersIn(width, scale, 12), lines = [];
+  for (const part of words.split(/ (?=·)|(?<=,) /)) {
+    const longer = lines.length ? `${lines.at(-1)} ${part}` : part;
+    if (lines.length && longer.length <= most) lines[lines.length - 1] = longer;
+    else lines.push(part.replace(/^· /, ""));
+  }
+  if (lines.length > MOST_LINES) lines[MOST_LINES - 1] += " …";
+  return lines.slice(0, MOST_LINES).map(line => short(line, most));
+}
+
+function titleOf(title, lines, [width], scale) {
+  const line = (text, below, letter, weight) => ["text", [LEFT * scale, (TOP + below) * scale], "start", letter, text, weight];
+  return [line(short(title, lettersIn(width, scale, 16)), 0, 16, 650), ...lines.map((text, i) => line(text, 21 + LINE * i, 12, 400))];
 }

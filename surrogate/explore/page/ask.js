@@ -11,7 +11,7 @@ export const askPanel = explorer => asks ? new Ask(explorer) : null;
 class Ask {
   constructor(explorer) {
     this.explorer = explorer;
-    const { facts, state } = explorer, acts = facts.parameters.map(({ name }) => [name, `Where does ${name.replaceAll("_", " ")} act?`]);
+    const { facts, state } = explorer, acts = facts.parameters.map(({ name }) => [name, `Where does ${name} act?`]);
     const offered = [["", "Nothing"], ...(facts.truth ? [["error", "Where may it be wrong?"]] : []), ...acts];
     this.map = element("canvas", { class: "over", "aria-hidden": "true" });
     this.words = element("p", { class: "hint", role: "status" });
@@ -53,7 +53,7 @@ class Ask {
     paint([this.map], [bitmap], true);
     this.words.textContent = `Brightest: ${digits(high)} and more, ${words}.`;
     const ranked = Object.entries(shares).sort((a, b) => b[1] - a[1]);
-    this.bars.replaceChildren(...ranked.map(([name, share]) => element("p", {}, element("span", {}, name.replaceAll("_", " ")),
+    this.bars.replaceChildren(...ranked.map(([name, share]) => element("p", {}, element("span", {}, name),
       element("i", { style: `width:${Math.round(100 * share)}px`, role: "img", "aria-label": `${digits(+share.toFixed(2))} of the largest change` }))));
   }
 

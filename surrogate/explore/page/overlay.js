@@ -1,12 +1,13 @@
 // Marks (annotations.js) over a picture: as SVG on the stage, whose axes are buttons, and painted into a picture to be saved.
 
 import { drawn } from "../web/elements.js";
-import { annotationsOf, BACK, FRONT, lensOf, PARTS, scaleOf, tipsOf, triadAt } from "./annotations.js";
+import { annotationsOf, BACK, FRONT, lensOf, linesOf, PARTS, scaleOf, tipsOf, triadAt } from "./annotations.js";
 import { colorsOf, displaced } from "./functions.js";
 import { variation } from "./state.js";
 import { described } from "./words.js";
 
 const FONT = "system-ui, 'DejaVu Sans', sans-serif", REACH = 9; // pixels around an axis' name that hear a click
+const OVER = 60; // pixels of a picture below which no bar is in the way
 const LIGHT = 0.5; // luminance of a background from which on ink is dark
 
 /** What the marks of a setting's picture say, beside its camera and size. */
@@ -26,14 +27,15 @@ function inksOf(background) {
 }
 
 const GROUPS = { // parts that are drawn anew together, when something that they need has changed
-  words: { parts: ["title"], needs: ["title", "words"] },
-  legend: { parts: ["legend"], needs: ["legend"] },
+  words: { parts: ["title"], needs: ["title", "lines"] },
+  legend: { parts: ["legend"], needs: ["legend", "rows"] },
   space: { parts: ["box", "axes"], needs: ["box", "camera"] },
 };
 
 /** Show the marks of a picture in an SVG of `size` (CSS pixels); `look(axis)` hears that an axis is chosen. */
-export function overlay(svg, given, look) {
-  const { size, background, shown, camera } = given, inks = inksOf(background);
+export function overlay(svg, plain, look) {
+  const lines = linesOf(plain.words, freeAbove(svg), 1), rows = plain.shown.includes("title") ? lines.length : 0;
+  const given = { ...plain, lines, rows }, { size, background, shown, camera } = given, inks = inksOf(background);
   if (!svg.firstChild) {
     svg.append(...Object.keys(GROUPS).map(() => drawn("g", { "aria-hidden": "true" })), drawn("g", {}, ...[0, 1, 2].map(axis => axisButton(axis, look))));
   }
@@ -51,6 +53,12 @@ export function overlay(svg, given, look) {
     made.setAttribute("cx", x + 1.35 * tips[k][0]);
     made.setAttribute("cy", y + 1.35 * tips[k][1]);
   });
+}
+
+/** How wide words at the top of a picture may be: as far as the bar, where that lies over it. */
+function freeAbove(svg) {
+  const bar = document.getElementById("top").getBoundingClientRect(), own = svg.getBoundingClientRect();
+  return bar.left > own.left && bar.top < own.top + OVER ? bar.left - own.left : own.width;
 }
 
 function shapeOf([kind, place, ...rest], [ink, around]) {

@@ -144,7 +144,7 @@ export function comparePanel(explorer) {
 export function sweepPanel(explorer) {
   const { state, facts } = explorer, { sweep } = state, known = sweepable(facts, current(state)), { first, second } = sweptOf(state, facts);
   const change = values => explorer.set({ sweep: { ...explorer.state.sweep, ...values } });
-  const names = known.map(p => [p.name, p.name.replaceAll("_", " ")]), others = names.filter(([other]) => other !== first.name);
+  const names = known.map(p => [p.name, p.name]), others = names.filter(([other]) => other !== first.name);
   const counted = (most, now) => [...new Set([...COUNTS.filter(n => n <= most), now])].sort((a, b) => a - b).map(n => [n, String(n)]);
   return group("Sweep",
     menu("Columns", "sweep-first", first.name, names, name => change({ name, low: "", high: "", ...(sweep.second === name && { second: "", secondLow: "", secondHigh: "" }) })),
@@ -158,7 +158,7 @@ export function sweepPanel(explorer) {
 /** From where to where a parameter is swept. */
 function limits(sweep, p, second, change) {
   const range = rangeOf(endsOf(sweep, second), p), [low, high] = second ? ["secondLow", "secondHigh"] : ["low", "high"];
-  const title = p.name.replaceAll("_", " "), apart = 1e-6 * (p.high - p.low);
+  const title = p.name, apart = 1e-6 * (p.high - p.low);
   const from = numberInput(title, () => ({ least: p.least, most: range.high - apart }), value => change({ [low]: value === p.low ? "" : value }), { id: `sweep-${low}` });
   const to = numberInput(title, () => ({ least: range.low + apart, most: p.most }), value => change({ [high]: value === p.high ? "" : value }), { id: `sweep-${high}` });
   from.set(range.low);

@@ -24,7 +24,7 @@ export function runsPanel(explorer) {
 class RunMap {
   constructor(explorer) {
     Object.assign(this, { explorer, facts: explorer.facts, drawing: 0 });
-    const { parameters } = this.facts, names = parameters.map(({ name }) => [name, name.replaceAll("_", " ")]);
+    const { parameters } = this.facts, names = parameters.map(({ name }) => [name, name]);
     explorer.mapped ??= names.slice(0, 2).map(([name]) => name);
     this.picture = drawn("svg", {
       class: "runs", viewBox: `0 0 ${WIDTH} ${HEIGHT}`, role: "img",
@@ -165,10 +165,10 @@ class RunMap {
     const text = (x, y, words, anchor, extra = {}) => drawn("text", { x, y, "text-anchor": anchor, ...extra }, words);
     const below = HEIGHT - BOTTOM + 12, middle = (HEIGHT - BOTTOM + TOP) / 2, beside = LEFT - 4;
     const [low, high] = second ? [digitsOf(second, second.low, 3), digitsOf(second, second.high, 3)] : this.range.map(value => digits(value));
-    const name = second ? second.name.replaceAll("_", " ") : "dB";
+    const name = second ? second.name : "dB";
     return [
       text(LEFT, below, digitsOf(first, first.low, 3), "start"), text(WIDTH - RIGHT, below, digitsOf(first, first.high, 3), "end"),
-      text((LEFT + WIDTH - RIGHT) / 2, HEIGHT - 4, first.name.replaceAll("_", " ") + (first.unit ? ` (${first.unit})` : ""), "middle"),
+      text((LEFT + WIDTH - RIGHT) / 2, HEIGHT - 4, first.name + (first.unit ? ` (${first.unit})` : ""), "middle"),
       text(beside, HEIGHT - BOTTOM, low, "end"), text(beside, TOP + 9, high, "end"),
       text(12, middle, name + (second?.unit ? ` (${second.unit})` : ""), "middle", { transform: `rotate(-90 12 ${middle})` }),
     ];

@@ -6,6 +6,7 @@ import { current, shareOf } from "./state.js";
 import { shortest, spanOf, valued } from "./words.js";
 
 const KINDS = { "like a run that was simulated": "like", "between runs": "between", "far from all runs": "far", "never shown in training": "never" };
+const MOST = 3; // parameters of the nearest run that are said
 const SIGNS = { like: "✓", between: "~", far: "!", never: "✕" };
 
 export class Trust {
@@ -14,8 +15,10 @@ export class Trust {
     this.sign = element("span", { class: "sign", "aria-hidden": "true" });
     this.expected = element("p", { id: "expected", role: "status", tabindex: 0 });
     this.nearest = element("p", { id: "nearest-run", class: "hint" });
+    this.rest = element("p", { class: "hint" });
+    this.others = element("details", { id: "nearest-rest", hidden: true }, element("summary", { class: "hint" }), this.rest);
     this.show = button("Show it", () => this.compare(), { id: "show-nearest", class: "plain", title: "Compare with the stored picture that is nearest to this one", hidden: !explorer.facts.truth });
-    this.box = group("Trust", element("div", { class: "trust" }, this.sign, element("div", {}, this.expected, this.nearest), this.show));
+    this.box = group("Trust", element("div", { class: "trust" }, this.sign, this.expected), element("div", { class: "trust" }, element("div", {}, this.nearest, this.others), this.show));
   }
 
   /** Say what error to expect of what the panes show: `expected` of each, null while nobody knows; `panes` say their own. */
@@ -25,7 +28,8 @@ export class Trust {
     this.sign.className = `sign ${alone ? KINDS[alone.words] ?? "" : ""}`;
     this.sign.textContent = alone ? SIGNS[KINDS[alone.words]] ?? "" : "";
     this.show.hidden = !facts.truth || kind !== "view";
-    this.nearest.textContent = kind === "view" ? this.nearestRun() : "";
+    this.sayNearest(kind === "view" ? this.nearestRun() : null);
+    this.expected.style.minHeight = "";
     if (!expected) {
       this.expected.textContent = facts.truth ? "Measuring what to expect here…" : "";
       return;
@@ -42,16 +46,30 @@ export class Trust {
     });
   }
 
-  /** While something moves: what was measured at rest is of another picture. */
-  clear() { this.expected.textContent = ""; }
+  /** While something moves: what was measured at rest is of another picture.  Its room stays, so that no slider slips away. */
+  clear() {
+    if (!this.expected.textContent) return;
+    this.expected.style.minHeight = `${this.expected.offsetHeight}px`;
+    this.expected.textContent = "";
+  }
 
-  /** The run whose parameters are nearest, as shares of their ranges. */
+  /** The run whose parameters are nearest, as shares of their ranges: { split, apart: [[how far, words]] }, farthest first; null without runs. */
   nearestRun() {
     const { facts, state } = this.explorer, { parameters } = current(state), trained = facts.members.filter(({ split }) => split !== "test");
-    const away = ({ values }) => Math.hypot(...facts.parameters.map((p, i) => shareOf(p, values[i]) - shareOf(p, parameters[p.name])));
-    if (!trained.length) return "";
-    const nearest = trained.reduce((best, one) => away(one) < away(best) ? one : best);
-    return `Nearest run: ${facts.parameters.map((p, i) => valued(p, nearest.values[i])).join(", ")}${nearest.split === "train" ? "" : " (validation)"}`;
+    const apart = values => facts.parameters.map((p, i) => Math.abs(shareOf(p, values[i]) - shareOf(p, parameters[p.name])));
+    if (!trained.length) return null;
+    const [[, { split, values }]] = trained.map(one => [Math.hypot(...apart(one.values)), one]).sort(([a], [b]) => a - b);
+    const far = apart(values), words = facts.parameters.map((p, i) => valued(p, values[i]));
+    return { split, apart: words.map((word, i) => [far[i], word]).sort(([a], [b]) => b - a) };
+  }
+
+  /** Say which run is nearest: of many parameters those that differ most, the others on demand. */
+  sayNearest(run) {
+    const words = (run?.apart ?? []).map(([, word]) => word), count = words.length > MOST ? MOST - 1 : words.length, rest = words.slice(count);
+    this.nearest.textContent = run ? `Nearest run: ${words.slice(0, count).join(", ")}${run.split === "train" ? "" : " (validation)"}` : "";
+    this.others.hidden = !rest.length;
+    this.others.firstChild.textContent = `${rest.length} parameters that are nearer`;
+    this.rest.textContent = rest.join(", ");
   }
 
   /** The prediction beside the nearest stored picture. */

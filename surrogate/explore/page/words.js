@@ -5,8 +5,8 @@ import { pointsOf, variation } from "./state.js";
 
 export const KIND_NAMES = { base: "Volume", isovalue: "Isovalue", transfer_function: "Volume", field: "Field" };
 
-/** A parameter's value with its name and unit. */
-export const valued = (p, value) => `${p.name.replaceAll("_", " ")} ${digitsOf(p, value, 5)}${p.unit ? ` ${p.unit}` : ""}`;
+/** A parameter's value with its name and unit, such as "Re = 1800": names may end in digits. */
+export const valued = (p, value) => `${p.name} = ${digitsOf(p, value, 5)}${p.unit ? ` ${p.unit}` : ""}`;
 
 /** A setting in words. */
 export function described(setting, facts) {

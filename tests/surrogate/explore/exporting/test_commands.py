@@ -66,7 +66,7 @@ def test_a_png_shows_what_was_asked_for_and_says_so(run: Path, tmp_path: Path) -
     result = done(export, run, "-p", "p=0.3", "-p", "isovalue=0.4", "--view", 2, "-o", output)
     drawn = to_bytes(following().at(p=0.3, isovalue=0.4).render(camera(run, 2)))
     np.testing.assert_array_equal(read_image(output), np.minimum(drawn, drawn[..., 3:]))
-    assert result.stdout == f"{output}: 24x24, p=0.3, isovalue=0.4\n"
+    assert result.stdout == f"{output}: 24x24, p = 0.3, isovalue = 0.4\n"
     record = record_of(output)
     assert (record["parameters"], record["visualization"], record["background"]) == (
         {"p": 0.3},
@@ -87,7 +87,7 @@ def test_a_ply_holds_the_gaussians_and_needs_no_catalog(tmp_path: Path) -> None:
     plain().save(tmp_path / "surrogate")
     result = done(export, tmp_path, "--refit", 0, "-o", tmp_path / "a.ply")
     assert (tmp_path / "a.ply").read_bytes() == ply_bytes(Splats.of(plain().at(p=0.5)))  # the middle of the bounds
-    assert result.stdout == f"{tmp_path / 'a.ply'}: 12 Gaussians, p=0.5\n"
+    assert result.stdout == f"{tmp_path / 'a.ply'}: 12 Gaussians, p = 0.5\n"
 
 
 def test_without_a_catalog_the_whole_volume_is_seen(tmp_path: Path) -> None:
@@ -116,7 +116,7 @@ def test_a_picture_can_be_made_like_another(run: Path, tmp_path: Path) -> None:
 
 def test_a_strip_and_a_grid(run: Path, tmp_path: Path) -> None:
     result = done(sweep, run, "--over", "isovalue", "--steps", 3, "-p", "p=0.2", "-o", tmp_path / "a.png")
-    assert result.stdout == f"{tmp_path / 'a.png'}: 3 pictures over isovalue 0.1..0.8, p=0.2\n"
+    assert result.stdout == f"{tmp_path / 'a.png'}: 3 pictures over isovalue 0.1..0.8, p = 0.2\n"
     strip = np.asarray(Image.open(tmp_path / "a.png"))
     places = sorted(
         found(strip, setting, camera(run, 0))
@@ -149,7 +149,7 @@ def test_a_folder_gets_a_file_of_its_own_name(run: Path, tmp_path: Path) -> None
 def test_two_settings_are_compared(run: Path, tmp_path: Path) -> None:
     output = tmp_path / "a.png"
     result = done(export, run, "-p", "p=0.3", "--compare", "c2_opacity=0.7", "--size", "2x", "-o", output)
-    assert result.stdout == f"{output}: p=0.3 beside p=0.3, c2_opacity=0.7\n"
+    assert result.stdout == f"{output}: p = 0.3 beside p = 0.3, c2_opacity = 0.7\n"
     sheet, seen = np.asarray(Image.open(output)), camera(run, 0).resized(48, 48)
     shown = [Setting({"p": 0.3}), Setting({"p": 0.3}, {"c2_opacity": 0.2})]
     places = [found(sheet, setting, seen) for setting in shown]
@@ -160,7 +160,7 @@ def test_two_settings_are_compared(run: Path, tmp_path: Path) -> None:
 def test_a_stored_picture_is_compared(run: Path, tmp_path: Path) -> None:
     output = tmp_path / "a.png"
     result = done(export, run, "-p", "p=0", "--compare", "stored", "--view", 3, "-o", output)
-    assert result.stdout == f"{output}: p=0 beside its stored picture\n"
+    assert result.stdout == f"{output}: p = 0 beside its stored picture\n"
     wrong = invoke(export, run, "-p", "p=0", "--compare", "stored", "--size", "48", "-o", output)
     assert "the stored picture has 24x24 pixels: compare at this size" in wrong.stderr
 

@@ -155,7 +155,7 @@ def test_gaussians_are_the_same(run: Run) -> None:
     again = from_options(options(commands.export, "-p", "p=0.25", "--refit", 0), "ply", run)
     assert isinstance(asked, GaussiansRequest)
     assert asked.content(run, nothing) == again.content(run, nothing)
-    assert again.summary(run) == f"{len(run.surrogate.gaussians)} Gaussians, p=0.25"
+    assert again.summary(run) == f"{len(run.surrogate.gaussians)} Gaussians, p = 0.25"
 
 
 @pytest.mark.parametrize("form", ["gif", "mp4"])

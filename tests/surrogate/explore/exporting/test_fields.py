@@ -69,7 +69,7 @@ def test_fields_are_written_with_units_and_deviations(
     result = invoke(run, "-p", "p=0.4", *chosen, "-o", tmp_path / "a.vti")
     units = {"q": "1/s²", "speed": "m/s"}
     labels = ", ".join(f"{name} ({units[name]})" for name in names)
-    assert result.stdout == f"{tmp_path / 'a.vti'}: {labels} with standard deviations, p=0.4\n", result.output
+    assert result.stdout == f"{tmp_path / 'a.vti'}: {labels} with standard deviations, p = 0.4\n", result.output
     grid, model = pyvista.read(tmp_path / "a.vti"), Surrogate.load(run / "surrogate").field
     assert model is not None
     assert grid.point_data.keys() == [part for name in names for part in (name, f"{name}, standard deviation")]

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from catalogs.vocabulary.cameras import Camera
 from surrogate import Surrogate
 from surrogate.explore.exporting.annotations import PARTS, Annotations
 from surrogate.explore.exporting.marks import annotations_of
@@ -54,6 +55,27 @@ def test_the_page_and_the_program_place_marks_alike(page: Page, explorer: str, r
         assert own[0] == twin[0]
         np.testing.assert_allclose(np.ravel(own[1]), np.ravel(twin[1]), atol=1e-6)
         assert own[2:] == list(twin[2:])
+
+
+LINES = """async cases => {
+  const { annotationsOf } = await import("/explore/annotations.js"), { camera } = window.explorer.request(false);
+  const marks = (words, size) => annotationsOf({ camera, size, words, title: "a run", shown: ["title"] });
+  return cases.map(([words, size]) => marks(words, size).map(mark => [mark[1][1], mark[4]]));
+}"""
+
+
+def test_many_settings_are_broken_into_lines_alike(page: Page, explorer: str, run_folder: Path) -> None:
+    open_explorer(page, explorer)
+    said = [
+        ", ".join(f"parameter_{i} = {i / 7:.5g}" for i in range(n)) + " · predicted, not simulated" for n in (1, 6, 40)
+    ]
+    cases = [(words, [width, 600]) for words in said for width in (200, 390, 800)]
+    box = np.array([[0.0] * 3, [1.0] * 3])
+    for (words, size), found in zip(cases, page.evaluate(LINES, cases), strict=True):
+        camera = Camera.look_at((3, 0, 0), (0, 0, 0), vertical_fov_degrees=40.0, width=size[0], height=size[1])
+        expected = Annotations("a run", words, box, None, ("title",)).marks(camera)
+        assert found == [[mark[1][1], mark[4]] for mark in expected]
+        assert len(found) <= 6
 
 
 def shapes(page: Page) -> int:

@@ -25,7 +25,7 @@ def test_what_to_trust_is_said_with_the_nearest_run_and_its_picture(
     words = page.locator("#expected strong").text_content()
     assert words in ("like a run that was simulated:", "between runs:")
     assert page.locator(".sign.like, .sign.between").count() == 1
-    assert page.locator("#nearest-run").inner_text() == "Nearest run: p 0.5"
+    assert page.locator("#nearest-run").inner_text() == "Nearest run: p = 0.5"
     page.locator("#show-nearest").click()
     settled(page)
     assert page.locator("#mode-compare").get_attribute("aria-selected") == "true"

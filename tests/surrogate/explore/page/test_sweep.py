@@ -33,7 +33,7 @@ def test_a_sweep_shows_every_value(page: Page, explorer: str, surrogate: Surroga
     assert len(set(asked)) == 12
     assert_shown(page, surrogate, 11)
     heads = page.locator("#stage .head").all_inner_texts()
-    assert heads[:4] == ["p 0", "p 0.33333", "p 0.66667", "p 1"]
+    assert heads[:4] == ["p = 0", "p = 0.33333", "p = 0.66667", "p = 1"]
     assert [head.split(" ")[0] for head in heads[4:]] == ["isovalue"] * 3
     for caption, canvas in zip(
         page.locator("#stage figcaption").all(), page.locator("#stage canvas").all(), strict=True
