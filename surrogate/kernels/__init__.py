@@ -57,9 +57,10 @@ copied); the same input gives bitwise the same output for any number of threads.
             -> gradients by means and normals, from those by the colours (N, 3)
     cast_field(values, holes, low, high, threads) -> CastField
             values (nz, ny, nx), of which low and high become 0 and 1; holes: bool, of the same shape, or None
-    cast_volume(field, knots, distances, light, rays, size, threads, instruction_set="") -> picture (H, W, 4)
+    cast_volume(field, knots, distances, light, rays, size, threads, bounds=None, instruction_set="") -> picture (H, W, 4)
             knots (K, 5): places increasing from 0 to 1, opacity, red, green, blue; distances: between samples, and of opacities
             light: None, or ambient, diffuse, specular, power; rays (5, 3): see `surrogate.ray_casting.fields`; size: width, height
+            bounds (2, 3): the lowest and highest place in samples where rays begin and end
     cast_gradient(field, knots, distances, rays, picture, gradient, every, threads, instruction_set="")
             -> gradients by the values drawn (nz, ny, nx) and by opacity, red, green and blue of the knots (K, 4), of a picture
             without a light and from a gradient by it (H, W, 4); without every, that by knots lacks steps of opacity 0

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NoReturn
 
 import numpy as np
 import torch
@@ -20,6 +20,7 @@ NO_FIELD = (
     "this surrogate knows no field values: its catalog keeps no coarse fields, or it was trained before they were added; "
     "`insitu dataset` or `insitu ensemble` with --add-coarse-fields adds them, and `surrogate train` then fits their emulator"
 )
+NO_CUT = 'Gaussians can\'t be cut exactly, only the emulated field: draw it by `surrogate.using("field")`'
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,6 +64,14 @@ class DeformedGaussians:
     def field(self, shape: ArrayLike | None = None) -> Any:
         """The emulated field, see `EmulatedMember.field`; raises ValueError where the surrogate has no emulator of it."""
         return self._numbers().field(shape)
+
+    def within(self, low: ArrayLike, high: ArrayLike) -> NoReturn:
+        """Refused with ValueError: see `EmulatedMember.within`."""
+        raise ValueError(NO_CUT)
+
+    def slice(self, axis: str, at: float) -> NoReturn:
+        """Refused with ValueError: see `EmulatedMember.slice`."""
+        raise ValueError(NO_CUT)
 
     def _numbers(self) -> Any:
         if self.emulated is None:

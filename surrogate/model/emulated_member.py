@@ -11,12 +11,17 @@ from numpy.typing import ArrayLike, NDArray
 
 from catalogs.vocabulary.appearance import Isosurface, VolumeRendering
 from catalogs.vocabulary.cameras import Camera
+from catalogs.vocabulary.numbers import finite
 from catalogs.vocabulary.quantity import Quantity
 from surrogate.emulation import EmulatedField, FieldEmulator
 from surrogate.gaussians import Normalization
 from surrogate.model.deformed import checked_background, named, over
 from surrogate.notebook import first_camera, member_html
 from surrogate.ray_casting import SampledField, SurfaceCaster, VolumeCaster, fitting_distance
+from surrogate.ray_casting.cuts import AXES, Cut
+from surrogate.ray_casting.fields import triple
+
+NO_COLORS = "a slice has the colours of a transfer function, and an isosurface has none: show the volume"
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,6 +35,7 @@ class EmulatedMember:
     point : (P,) normalized simulation parameters.
     sample_distance : along rays through a volume, world units; None for what the appearance needs.
     quantity : the field's name and unit.
+    cut : what of the field is drawn; None for all.
     """
 
     emulator: FieldEmulator
@@ -39,6 +45,7 @@ class EmulatedMember:
     normalization: Normalization
     sample_distance: float | None = None
     quantity: Quantity = Quantity()  # noqa: RUF009 - frozen
+    cut: Cut | None = None
 
     @cached_property
     def _field(self) -> EmulatedField:
@@ -68,6 +75,39 @@ class EmulatedMember:
             return VolumeCaster.of(self.samples, self.appearance, sample_distance=self.distance)
         return SurfaceCaster.of(self.samples, self.appearance)
 
+    @cached_property
+    def _cut_caster(self) -> VolumeCaster | SurfaceCaster:
+        if self.cut is None:
+            return self._caster
+        caster = self._caster
+        if self.cut.plane is not None and isinstance(self.appearance, VolumeRendering):
+            caster = VolumeCaster.of(self.samples, self.cut.sliced(self.appearance, self.samples))
+        return caster.within(self.cut.bounds(self.samples))
+
+    def within(self, low: ArrayLike, high: ArrayLike) -> EmulatedMember:
+        """The same of which pictures show what lies in a box alone, exactly: rays begin and end there, and surfaces are cut.
+
+        `low` and `high` are its corners (x, y, z) in world units.  Raises ValueError for others.
+        """
+        return self._with(replace(self.cut or Cut(), box=(triple(low, "low", finite), triple(high, "high", finite))))
+
+    def slice(self, axis: str, at: float) -> EmulatedMember:
+        """The same of which pictures show the plane `axis` = `at` (world units) alone: field values in colours, opaque.
+
+        The colours are those of the transfer function; holes are transparent.  Where `within` was called the plane ends at that
+        box.  Raises ValueError for another axis than "x", "y" and "z", and for an isosurface, which has one colour alone.
+        """
+        if axis not in (*AXES,):
+            raise ValueError(f"a slice is perpendicular to x, y or z, got {axis!r}")
+        if not isinstance(self.appearance, VolumeRendering):
+            raise ValueError(NO_COLORS)
+        return self._with(replace(self.cut or Cut(), plane=(AXES.index(axis), finite(at, "at"))))
+
+    def _with(self, cut: Cut) -> EmulatedMember:
+        member, kept = replace(self, cut=cut), ("_field", "samples", "distance", "_caster")
+        vars(member).update({name: value for name, value in vars(self).items() if name in kept})
+        return member
+
     def render(self, camera: Camera, *, background: Sequence[float] | None = None) -> NDArray[np.float32]:
         """The picture that `camera` (world units) sees, (H, W, 4) float32 premultiplied RGBA in [0, 1].
 
@@ -80,7 +120,7 @@ class EmulatedMember:
         self, camera: Camera, background: NDArray[np.float32] | None, threads: int | None = None
     ) -> NDArray[np.float32]:
         """The same with a background from `checked_background`, on a CPU by a number of threads, None for all cores."""
-        return over(self._caster.draw(camera, threads=threads), background)
+        return over(self._cut_caster.draw(camera, threads=threads), background)
 
     def sample(self, places: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """The field and its standard deviation, each (N,), at world `places` (N, 3); NaN outside the field and in holes."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NoReturn
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -51,6 +51,14 @@ class MeanMember:
     def field(self, shape: ArrayLike | None = None) -> Any:
         """The emulated field; see `EmulatedMember.field`."""
         return self.emulated.field(shape)
+
+    def within(self, low: ArrayLike, high: ArrayLike) -> NoReturn:
+        """Refused with ValueError: see `EmulatedMember.within`."""
+        self.gaussians.within(low, high)
+
+    def slice(self, axis: str, at: float) -> NoReturn:
+        """Refused with ValueError: see `EmulatedMember.slice`."""
+        self.gaussians.slice(axis, at)
 
     @property
     def contents(self) -> list[tuple[str, str]]:

@@ -41,8 +41,8 @@ class SampledField:
         if values.ndim != 3 or min(values.shape) < 2:
             raise ValueError(f"values must have shape (z, y, x) with at least 2 samples each, got {values.shape}")
         object.__setattr__(self, "values", values)
-        object.__setattr__(self, "spacing", _triple(self.spacing, "spacing", positive))
-        object.__setattr__(self, "origin", _triple(self.origin, "origin", finite))
+        object.__setattr__(self, "spacing", triple(self.spacing, "spacing", positive))
+        object.__setattr__(self, "origin", triple(self.origin, "origin", finite))
         holes = None if self.holes is None else np.asarray(self.holes)
         if holes is not None and (holes.shape != values.shape or holes.dtype != bool):
             raise ValueError(
@@ -86,7 +86,8 @@ class SampledField:
         return np.concatenate([world / self.spacing, [self.spacing]])
 
 
-def _triple(value: ArrayLike, name: str, check: Any) -> Triple:
+def triple(value: ArrayLike, name: str, check: Any) -> Triple:
+    """Three numbers, or one for all, each as `check(number, name)` gives it."""
     x, y, z = (
         check(number, name) for number in row(np.broadcast_to(value, 3) if np.ndim(value) == 0 else value, 3, name)
     )

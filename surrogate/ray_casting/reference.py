@@ -39,11 +39,12 @@ def draw_volume_reference(
     values: Tensor | None = None,
     opacities: Tensor | None = None,
     colors: Tensor | None = None,
+    bounds: np.ndarray | None = None,
 ) -> Tensor:
     """Premultiplied RGBA (height, width, 4), float64, as `draw_volume` defines it.
 
     Differentiable by `values` (nz, ny, nx), `opacities` (P,) and `colors` (Q, 3) of the control points, where they are given in
-    place of the field's and the function's.
+    place of the field's and the function's.  Rays begin and end at `bounds` (2, 3) in samples, by default the field's own.
     """
     distance, transfer = checked_distance(field, sample_distance), appearance.transfer_function
     value_range = drawn_range(field.range, transfer)
@@ -58,15 +59,23 @@ def draw_volume_reference(
     )  # [K, 4]
     samples = torch.from_numpy(field.filled.astype(np.float64)) if values is None else values.double()
     samples = ((samples - value_range[0]) / (value_range[1] - value_range[0])).clamp(-FARTHEST, FARTHEST)
-    march = _March(_Box.of(field), samples, torch.from_numpy(knots.places), table, appearance, distance)
+    march = _March(_Box.of(field, bounds), samples, torch.from_numpy(knots.places), table, appearance, distance)
     nothing = 0.0 * (samples.sum() + table.sum())  # with gradients of zero, where no ray meets the box
     return _by_rays(camera, march.along) + nothing
 
 
 def draw_isosurface_reference(
-    field: SampledField, appearance: Isosurface, camera: Camera, *, samples: int = SAMPLES
+    field: SampledField,
+    appearance: Isosurface,
+    camera: Camera,
+    *,
+    samples: int = SAMPLES,
+    bounds: np.ndarray | None = None,
 ) -> Tensor:
-    """Premultiplied RGBA (height, width, 4), float64, as `draw_isosurface` defines it: every ray meets every triangle."""
+    """Premultiplied RGBA (height, width, 4), float64, as `draw_isosurface` defines it: every ray meets every triangle.
+
+    Only what lies in `bounds` (2, 3), in samples, is seen.
+    """
     triangles = Triangles.of(field, appearance.isovalue)
     spacing, origin = (torch.tensor(numbers, dtype=torch.float64) for numbers in (field.spacing, field.origin))
     corners = torch.from_numpy(triangles.corners).long()  # [T, 3]
@@ -81,6 +90,9 @@ def draw_isosurface_reference(
         v = directions @ torch.cross(away, sides[0], dim=1).T / over
         closeness = over / (sides[1] * torch.cross(away, sides[0], dim=1)).sum(dim=1)  # 1 over the distance
         inside = (u >= 0.0) & (v >= 0.0) & (u + v <= 1.0) & (closeness > 0.0)
+        for axis, (low, high) in enumerate(() if bounds is None else bounds.T):
+            place = (eye[axis] + directions[:, axis, None] / closeness - origin[axis]) / spacing[axis]  # [R, T]
+            inside &= (place >= low) & (place <= high)
         image = torch.zeros(len(directions), 4, dtype=directions.dtype)
         (rays,) = torch.nonzero(inside.any(dim=1), as_tuple=True)
         chosen = torch.where(inside[rays], closeness[rays], 0.0).max(dim=1).indices if len(rays) else rays
@@ -103,18 +115,22 @@ def _by_rays(camera: Camera, along: Callable[[Tensor, Tensor], Tensor], at_once:
 
 @dataclass(frozen=True, eq=False)
 class _Box:
-    """The grid: `last` (3,) are the last samples along x, y and z."""
+    """The grid: `last` (3,) are the last samples along x, y and z, `low` and `high` (3,) where rays begin and end, in samples."""
 
     last: Tensor
+    low: Tensor
+    high: Tensor
     spacing: Tensor
     origin: Tensor
     holes: Tensor | None
 
     @classmethod
-    def of(cls, field: SampledField) -> _Box:
+    def of(cls, field: SampledField, bounds: np.ndarray | None = None) -> _Box:
         spacing, origin = (torch.tensor(numbers, dtype=torch.float64) for numbers in (field.spacing, field.origin))
         holes = None if field.holes is None else torch.from_numpy(field.holes)
-        return cls(torch.from_numpy(field.size).double() - 1.0, spacing, origin, holes)
+        last = torch.from_numpy(field.size).double() - 1.0
+        low, high = (torch.zeros_like(last), last) if bounds is None else torch.from_numpy(bounds)
+        return cls(last, low, high, spacing, origin, holes)
 
     def cut(self, eye: Tensor, directions: Tensor, measure: Tensor) -> tuple[Tensor, Tensor, Tensor]:
         """Of rays (R, 3) of unit length: where they enter (R, 3) and their steps (R, 3), in samples, and how many (R,).
@@ -122,8 +138,8 @@ class _Box:
         A world unit along each axis is `measure` (3,) of the longest steps.
         """
         nonzero = torch.where(directions.abs() > 1e-200, directions, 1e-200)
-        first = (self.origin - eye) / nonzero  # [R, 3], the slab method (Kay & Kajiya 1986)
-        second = (self.origin + self.last * self.spacing - eye) / nonzero  # [R, 3]
+        first = (self.origin + self.low * self.spacing - eye) / nonzero  # [R, 3], the slab method (Kay & Kajiya 1986)
+        second = (self.origin + self.high * self.spacing - eye) / nonzero  # [R, 3]
         near, far = torch.minimum(first, second), torch.maximum(first, second)
         enter, leave = near.amax(dim=1).clamp(min=0.0), far.amin(dim=1)  # [R], [R]
         inside = (leave - enter).clamp(min=0.0)

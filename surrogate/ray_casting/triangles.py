@@ -96,6 +96,42 @@ class Triangles:
         normals = slopes[0] + shares * (slopes[1] - slopes[0])  # [V, 3]
         return cls(before + shares * steps, _unit(normals), corners.reshape(-1, 3).astype(np.int32))
 
+    def within(self, bounds: NDArray[np.float64]) -> Triangles:
+        """The surface cut to places (2, 3) in samples: triangles that reach out end there; nothing where bounds are equal."""
+        if not (bounds[1] > bounds[0]).all():
+            return Triangles(self.places, self.normals, self.corners[:0])
+        cut = self
+        for axis in range(3):
+            cut = cut._beyond(axis, 1.0, bounds[0, axis])._beyond(axis, -1.0, -bounds[1, axis])
+        return cut
+
+    def _beyond(self, axis: int, sign: float, least: float) -> Triangles:
+        """The surface where `sign` times the places along an axis are `least` or more."""
+        depths = sign * self.places[:, axis] - least  # [V]
+        kept = (depths >= 0.0)[self.corners]  # [T, 3]
+        counts, first = kept.sum(axis=1), len(self.places)
+        places, normals, corners = [self.places], [self.normals], [self.corners[counts == 3]]
+        for count in (1, 2):
+            chosen = counts == count
+            lone = (kept[chosen] == (count == 1)).argmax(axis=1)  # the corner that is alone on its side
+            order = (lone[:, None] + np.arange(3)) % 3
+            alone, *others = np.take_along_axis(self.corners[chosen], order, axis=1).T  # [C] each
+            ends = []
+            for other in others:
+                start, stop = (alone, other) if count == 1 else (other, alone)  # so that neighbours agree to a bit
+                share = (depths[start] / (depths[start] - depths[stop]))[:, None]
+                new = self.places[start] + share * (self.places[stop] - self.places[start])
+                new[:, axis] = sign * least
+                places.append(new)
+                normals.append(self.normals[start] + share * (self.normals[stop] - self.normals[start]))
+                ends.append(first + np.arange(len(new)))
+                first += len(new)
+            if count == 1:
+                corners.append(np.stack([alone, *ends], axis=1))
+            else:
+                corners += [np.stack([ends[0], *others], axis=1), np.stack([ends[0], others[1], ends[1]], axis=1)]
+        return Triangles(np.concatenate(places), np.concatenate(normals), np.concatenate(corners).astype(np.int32))
+
 
 def _gradients(field: SampledField, places: NDArray[np.int64]) -> NDArray[np.float64]:
     """Central differences (V, 3) at samples (V, 3), x, y, z, one-sided on the faces."""

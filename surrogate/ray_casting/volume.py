@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -30,6 +30,7 @@ class VolumeCaster:
     appearance : transfer function and shading.
     sample_distance : the longest distance between samples along a ray, world units; each ray is cut into equal steps, and the
         field is sampled in the middle of each.
+    bounds : the lowest and highest place, (2, 3) in samples, where rays begin and end; None for the field's own.
     """
 
     field: SampledField
@@ -37,6 +38,7 @@ class VolumeCaster:
     sample_distance: float
     _samples: kernels.CastField
     _knots: NDArray[np.float64]
+    bounds: NDArray[np.float64] | None = None
 
     @classmethod
     def of(
@@ -70,7 +72,12 @@ class VolumeCaster:
             self.field.rays(camera),
             (camera.width, camera.height),
             cores() if threads is None else threads,
+            self.bounds,
         )
+
+    def within(self, bounds: NDArray[np.float64]) -> VolumeCaster:
+        """The same cut to places (2, 3) inside of the field; nothing is seen where they are equal along an axis."""
+        return replace(self, bounds=bounds)
 
 
 def draw_volume(

@@ -25,6 +25,7 @@ namespace {
 
 using Mask = nb::ndarray<const bool, nb::c_contig, nb::device::cpu>;
 using Knots = nb::ndarray<const double, nb::shape<-1, 5>, nb::c_contig, nb::device::cpu>;
+using Bounds = nb::ndarray<const double, nb::shape<2, 3>, nb::c_contig, nb::device::cpu>;
 using Rays = nb::ndarray<const double, nb::shape<5, 3>, nb::c_contig, nb::device::cpu>;
 
 using Places = nb::ndarray<const double, nb::shape<-1, 3>, nb::c_contig, nb::device::cpu>;
@@ -56,13 +57,24 @@ CastRays rays_of(const Rays& rows, const std::array<int, 2>& size) {
     return rays;
 }
 
+// Rays of which those through a volume begin and end at the field's box, or at `bounds` inside of it, in samples.
+CastRays rays_through(const CastField& field, const Rays& rows, const std::array<int, 2>& size, const std::optional<Bounds>& bounds) {
+    CastRays rays = rays_of(rows, size);
+    for (int k = 0; k < 3; ++k) {
+        const double last = field.size[k] - 1;
+        rays.low[k] = bounds ? bounds->data()[k] : 0.0, rays.high[k] = bounds ? bounds->data()[3 + k] : last;
+        require(rays.low[k] >= 0.0 && rays.low[k] <= rays.high[k] && rays.high[k] <= last, "bounds must lie inside of the field");
+    }
+    return rays;
+}
+
 CastLight light_of(const std::array<float, 4>& light) { return {light[0], light[1], light[2], light[3]}; }
 
 Output bound_volume(const PaddedField& field, Knots knots, const std::array<double, 2>& distances,
                     std::optional<std::array<float, 4>> light, Rays rows, const std::array<int, 2>& size, int threads,
-                    const std::string& instruction_set) {
+                    std::optional<Bounds> bounds, const std::string& instruction_set) {
     const Kernels& kernels = kernels_named(instruction_set);
-    const CastRays rays = rays_of(rows, size);
+    const CastRays rays = rays_through(field.field, rows, size, bounds);
     require(knots.shape(0) >= 1, "knots must have shape [1 or more, 5]");
     Output picture = unset_array({size_t(rays.height), size_t(rays.width), 4});
     float* data = picture.data();
@@ -83,7 +95,7 @@ std::tuple<Output, Table> bound_gradient(const PaddedField& field, Knots knots, 
     require(picture.ndim() == 3 && picture.shape(2) == 4, "picture must have shape [H, W, 4], got " + shape_of(picture));
     require_shape(gradient, "gradient", {picture.shape(0), picture.shape(1), 4});
     const Kernels& kernels = kernels_named(instruction_set);
-    const CastRays rays = rays_of(rows, {int(picture.shape(1)), int(picture.shape(0))});
+    const CastRays rays = rays_through(field.field, rows, {int(picture.shape(1)), int(picture.shape(0))}, std::nullopt);
     const int* size = field.field.size;
     Output by_values = unset_array({size_t(size[2]), size_t(size[1]), size_t(size[0])});
     Table by_knots = unset_array<Table>({knots.shape(0), 4});
@@ -128,7 +140,7 @@ void bind_casting(nb::module_& m) {
     nb::class_<PaddedField>(m, "CastField");
     m.def("cast_field", &bound_field, "values"_a, "holes"_a.none(), "low"_a, "high"_a, "threads"_a);
     m.def("cast_volume", &bound_volume, "field"_a, "knots"_a, "distances"_a, "light"_a.none(), "rays"_a, "size"_a, "threads"_a,
-          "instruction_set"_a = "");
+          "bounds"_a = nb::none(), "instruction_set"_a = "");
     m.def("cast_gradient", &bound_gradient, "field"_a, "knots"_a, "distances"_a, "rays"_a, "picture"_a, "gradient"_a, "every"_a, "threads"_a,
           "instruction_set"_a = "");
     m.def("draw_surface", &bound_surface, "places"_a, "normals"_a, "corners"_a, "color"_a, "light"_a, "samples"_a, "rays"_a, "size"_a, "threads"_a,

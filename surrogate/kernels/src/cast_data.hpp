@@ -61,9 +61,10 @@ struct CastGradient {
     double* by_segments;
 };
 
-// Rays from `eye` along across * column + down * row + corner, in samples; `spacing` has world units.
+// Rays from `eye` along across * column + down * row + corner, in samples; `spacing` has world units.  Rays through a volume begin
+// and end at the box from `low` to `high`, inside of the field; nothing is seen where these are the same.
 struct CastRays {
-    double eye[3], across[3], down[3], corner[3], spacing[3];
+    double eye[3], across[3], down[3], corner[3], spacing[3], low[3], high[3];
     int width, height;
 };
 
