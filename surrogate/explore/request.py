@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any, Literal, TypeVar
 
 from catalogs.vocabulary.appearance import TransferFunction
 from catalogs.vocabulary.cameras import Camera
@@ -14,11 +14,14 @@ from catalogs.vocabulary.parameters import Parameter
 from catalogs.vocabulary.variations import APPEARANCE, POINT_PARAMETERS
 from catalogs.vocabulary.words import joined_names
 from surrogate.explore.color_maps import NAMES as COLOR_MAPS
+from surrogate.explore.cuts import cut_of
 from surrogate.explore.functions import function_of
 from surrogate.explore.setting import Setting, base_function
 from surrogate.model import Surrogate
 from surrogate.model.places import beyond_limits
+from surrogate.ray_casting import Cut
 
+Made = TypeVar("Made")
 Color = tuple[float, float, float]
 
 MOST_SETTINGS = 64
@@ -82,15 +85,14 @@ def setting_of(record: Any, surrogate: Surrogate, origins: Mapping[str, float] |
     )
     function = None if fields.get("function") is None else _function(fields["function"], visualization, surrogate)
     own = {p.name: within(parameters[p.name], p) for p in surrogate.space.parameters}
-    setting = Setting(own, visualization, color_map, using, function)
+    setting = Setting(own, visualization, color_map, using, function, _cut(fields))
+    if setting.cut is not None:
+        _checked(lambda: setting.whole(surrogate))
     follows_functions = set(visualization) <= set(POINT_PARAMETERS)
     if color_map and not follows_functions:
         raise MessageError("a colour map belongs to a transfer function, not to isosurfaces or other appearances")
     if color_map or (visualization and follows_functions and base_function(surrogate) is not None):
-        try:
-            setting.transfer_function(surrogate)
-        except ValueError as error:  # control points cross, or colours are fixed
-            raise MessageError(str(error)) from None
+        _checked(lambda: setting.transfer_function(surrogate))  # control points may cross, or colours be fixed
     return setting
 
 
@@ -99,8 +101,17 @@ def _function(record: Any, visualization: Mapping[str, Any], surrogate: Surrogat
     if base is None:
         raise MessageError("this surrogate follows no transfer functions, so it can't be shown under another one")
     _require(not visualization, "a transfer function stands alone, without visualization", sorted(visualization))
+    return _checked(lambda: function_of(record, base))
+
+
+def _cut(fields: Mapping[str, Any]) -> Cut | None:
+    return _checked(lambda: cut_of(fields))
+
+
+def _checked(make: Callable[[], Made]) -> Made:
+    """All that `make` makes, its ValueError as a MessageError."""
     try:
-        return function_of(record, base)
+        return make()
     except ValueError as error:
         raise MessageError(_shortened_sentence(str(error))) from None
 

@@ -8,12 +8,14 @@ from dataclasses import dataclass, field, replace
 from catalogs.vocabulary.appearance import TransferFunction, VolumeRendering
 from catalogs.vocabulary.numbers import text
 from catalogs.vocabulary.variations import POINT_PARAMETERS, displaced
-from surrogate.answers.doubt import Doubt, MemberDoubt
+from surrogate.answers.doubt import NEVER, Doubt, MemberDoubt
 from surrogate.appearance.field_gaussians import FieldGaussians
 from surrogate.deformation.values import ValuesDeformation
 from surrogate.explore.color_maps import color_points
 from surrogate.model import MemberModel, Surrogate
-from surrogate.model.representation import DRAWN
+from surrogate.model.emulated_member import EmulatedMember
+from surrogate.model.representation import DRAWN, FIELD
+from surrogate.ray_casting import Cut
 
 
 @dataclass(frozen=True)
@@ -28,6 +30,7 @@ class Setting:
     color_map : one of `surrogate.explore.color_maps.NAMES` instead of the base's colours; "" for those.
     using : the one of `Surrogate.representations` that draws it; "" for what did best on validation images.
     function : any transfer function instead of the base and its displacements; None for those.
+    cut : what of the field is drawn, a clip box or a slice; None for all.
     """
 
     parameters: Mapping[str, float]
@@ -35,9 +38,10 @@ class Setting:
     color_map: str = ""
     using: str = ""
     function: TransferFunction | None = None
+    cut: Cut | None = None
 
     def __hash__(self) -> int:
-        return hash((frozenset(self.values.items()), self.color_map, self.using, self.function))
+        return hash((frozenset(self.values.items()), self.color_map, self.using, self.function, self.cut))
 
     @property
     def is_free(self) -> bool:
@@ -59,29 +63,55 @@ class Setting:
     def shown_as(self, words: str) -> str:
         """The same of other words on its values."""
         function = "" if self.function is None else f"function of {len(self.function.opacity_points)} points"
-        return ", ".join(filter(None, [words, function, self.color_map, self.using and DRAWN[self.using]]))
+        cut = "" if self.cut is None else str(self.cut)
+        return ", ".join(filter(None, [words, function, self.color_map, cut, self.using and DRAWN[self.using]]))
 
     def member(self, surrogate: Surrogate) -> MemberModel:
         """The surrogate at this setting; raises ValueError as `Surrogate.at` and `Surrogate.under` do.
 
         Values out of bounds are shown without a warning: the page says so itself.
         """
+        if self.cut is not None:
+            return self.cut_from(self.whole(surrogate).member(surrogate))
         if self.using:
             surrogate = surrogate.using(self.using)
         if not self.is_free:
             return surrogate.at(self.values, outside="allow")
         return surrogate.under(self.transfer_function(surrogate), self.parameters, outside="allow")
 
+    def whole(self, surrogate: Surrogate) -> Setting:
+        """The setting without its cut, drawn from the emulated field, which alone can be cut exactly.
+
+        Raises ValueError where the surrogate has none, or where another representation was chosen.
+        """
+        if FIELD not in surrogate.representations:
+            raise ValueError("only an emulated field can be cut or sliced, and this surrogate has none")
+        if self.using not in ("", FIELD):
+            raise ValueError(
+                f"a picture drawn {DRAWN[self.using]} can't be cut or sliced, only one from the emulated field: choose that"
+            )
+        return replace(self, cut=None, using=FIELD)
+
+    def cut_from(self, whole: MemberModel) -> MemberModel:
+        """What is left of the member of `whole`; raises ValueError for a slice of an isosurface."""
+        assert isinstance(whole, EmulatedMember)
+        assert self.cut is not None
+        return whole.cut_to(self.cut)
+
     def doubted(self, doubt: Doubt) -> MemberDoubt:
         """The doubt of what is shown at this setting; raises ValueError as `member` does."""
+        if self.cut is not None:
+            return replace(
+                self.whole(doubt.surrogate).doubted(doubt), words=NEVER, why="no stored image is cut or sliced"
+            )
         if not self.is_free:
             return doubt.at(self.values, using=self.using)
         return doubt.at(self.parameters, self.transfer_function(doubt.surrogate), using=self.using)
 
     def drawn_by(self, surrogate: Surrogate) -> str:
         """The one of `surrogate.representations` that draws it."""
-        if self.using:
-            return self.using
+        if self.using or self.cut is not None:
+            return self.using or FIELD
         return surrogate.drawn_by(self.visualization, under=self.is_free)
 
     def transfer_function(self, surrogate: Surrogate) -> TransferFunction:

@@ -78,7 +78,7 @@ class Truth:
         Raises ValueError for visualization parameters that belong to no variation.
         """
         number = _same(self._space, values_of(self._space, [setting.parameters]), self._values)
-        if number is None or setting.is_free:
+        if number is None or setting.is_free or setting.cut is not None:
             return None
         member, appearance = self.members[number], self._appearance_at(setting)
         differences = np.abs(self._descriptors(member) - _descriptor(camera, self.middle)).max(axis=1)  # [V]

@@ -89,7 +89,7 @@ class EmulatedMember:
 
         `low` and `high` are its corners (x, y, z) in world units.  Raises ValueError for others.
         """
-        return self._with(replace(self.cut or Cut(), box=(triple(low, "low", finite), triple(high, "high", finite))))
+        return self.cut_to(replace(self.cut or Cut(), box=(triple(low, "low", finite), triple(high, "high", finite))))
 
     def slice(self, axis: str, at: float) -> EmulatedMember:
         """The same of which pictures show the plane `axis` = `at` (world units) alone: field values in colours, opaque.
@@ -99,11 +99,12 @@ class EmulatedMember:
         """
         if axis not in (*AXES,):
             raise ValueError(f"a slice is perpendicular to x, y or z, got {axis!r}")
-        if not isinstance(self.appearance, VolumeRendering):
-            raise ValueError(NO_COLORS)
-        return self._with(replace(self.cut or Cut(), plane=(AXES.index(axis), finite(at, "at"))))
+        return self.cut_to(replace(self.cut or Cut(), plane=(AXES.index(axis), finite(at, "at"))))
 
-    def _with(self, cut: Cut) -> EmulatedMember:
+    def cut_to(self, cut: Cut) -> EmulatedMember:
+        """The same of which pictures show what a cut leaves alone; raises ValueError for a slice of an isosurface."""
+        if cut.plane is not None and not isinstance(self.appearance, VolumeRendering):
+            raise ValueError(NO_COLORS)
         member, kept = replace(self, cut=cut), ("_field", "samples", "distance", "_caster")
         vars(member).update({name: value for name, value in vars(self).items() if name in kept})
         return member

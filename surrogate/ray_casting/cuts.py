@@ -43,6 +43,13 @@ class Cut:
     def _ends(self) -> list[tuple[str, float, float]]:
         return [] if self.box is None else list(zip(AXES, *self.box, strict=True))
 
+    def left_of(self, box: NDArray[np.float64]) -> NDArray[np.float64]:
+        """The corners of what is left of a box (2, 3), world units: of a slice, flat."""
+        left = box.copy() if self.box is None else np.clip(self.box, *box)
+        if self.plane is not None:
+            left[:, self.plane[0]] = self.plane[1]
+        return left
+
     def bounds(self, field: SampledField) -> NDArray[np.float64]:
         """The lowest and the highest place of what is drawn, (2, 3) in samples; equal along an axis where nothing is."""
         last = field.size - 1.0

@@ -48,7 +48,8 @@ class Legend:
 class Annotations:
     """Everything that the marks of a picture say, and which `parts` of them are there.
 
-    `box` is the lowest and the highest corner, (2, 3) world units; there is no `legend` where no transfer function is shown.
+    `box` is the lowest and the highest corner, (2, 3) world units, and so is `cut`, of what is left of it, where it is cut; there
+    is no `legend` where no transfer function is shown.
     """
 
     title: str
@@ -56,6 +57,7 @@ class Annotations:
     box: Array
     legend: Legend | None
     parts: tuple[str, ...] = PARTS
+    cut: Array | None = None
 
     def marks(self, camera: Camera) -> list[Mark]:
         """All marks of what `camera` sees."""
@@ -64,6 +66,7 @@ class Annotations:
         lines = _lines(self.words, size[0], scale) if "title" in self.parts else []
         return [
             *(_box_marks(camera, self.box, scale) if "box" in self.parts else ()),
+            *(_edge_marks(_edges(camera, self.cut)) if "box" in self.parts and self.cut is not None else ()),
             *(() if legend is None else _legend_marks(legend, size, scale, len(lines))),
             *(_axis_marks(camera, scale) if "axes" in self.parts else ()),
             *(_title_marks(self.title, lines, size, scale) if "title" in self.parts else ()),
@@ -98,18 +101,19 @@ class _Edge:
 
 
 def _box_marks(camera: Camera, box: Array, scale: float) -> list[Mark]:
-    near = NEAR * float(np.linalg.norm(box[1] - box[0]))
-    edges = _edges(camera, box, near)
-    lines: list[Mark] = [
-        ("line", (*e.ends[0][:2], *e.ends[1][:2]), FRONT if e.front else BACK) for e in edges if e.ends is not None
-    ]
+    edges = _edges(camera, box)
+    lines = _edge_marks(edges)
     center = projected(camera, box.mean(axis=0))
     ticks = (_ticks([e for e in edges if e.axis == axis], axis, camera, center, scale) for axis in range(3))
     return lines + [mark for marks in ticks for mark in marks]
 
 
-def _edges(camera: Camera, box: Array, near: float) -> list[_Edge]:
-    eye, edges = camera.position, []
+def _edge_marks(edges: Sequence[_Edge]) -> list[Mark]:
+    return [("line", (*e.ends[0][:2], *e.ends[1][:2]), FRONT if e.front else BACK) for e in edges if e.ends is not None]
+
+
+def _edges(camera: Camera, box: Array) -> list[_Edge]:
+    eye, edges, near = camera.position, [], NEAR * float(np.linalg.norm(box[1] - box[0]))
     faces = [(bool(eye[axis] < box[0, axis]), bool(eye[axis] > box[1, axis])) for axis in range(3)]  # seen from outside
     for axis in range(3):
         a, b = (other for other in range(3) if other != axis)

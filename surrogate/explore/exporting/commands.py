@@ -46,6 +46,15 @@ USING = click.option(
     metavar="NAME",
     help="Draw by the gaussians, the field or both.  [default: what did best on validation images]",
 )
+CLIP = click.option(
+    "--clip",
+    default="",
+    metavar="X0,Y0,Z0,X1,Y1,Z1",
+    help="Draw what lies in this box alone (world units), by the field.",
+)
+SLICE = click.option(
+    "--slice", default="", metavar="AXIS=PLACE", help="Draw this plane of the field alone, such as z=0.5 (world units)."
+)
 VIEW = click.option("--view", default=0, show_default=True, help="Number of a viewpoint of the catalog.")
 SIZE = click.option(
     "--size", default="", metavar="WxH", help="Pixels of a picture, or such as 2x.  [default: the catalog's]"
@@ -59,6 +68,8 @@ SIZE = click.option(
 @FUNCTION
 @ANNOTATE
 @USING
+@CLIP
+@SLICE
 @VIEW
 @SIZE
 @click.option("--background", default="", metavar="R,G,B", help="Colour in [0, 1] behind it; else transparent.")
@@ -130,6 +141,8 @@ def export(run: Path, output: Path, **options: Any) -> None:
 @FUNCTION
 @ANNOTATE
 @USING
+@CLIP
+@SLICE
 @VIEW
 @SIZE
 @click.option("--background", default="", metavar="R,G,B", help="Colour in [0, 1] behind it.  [default: white]")

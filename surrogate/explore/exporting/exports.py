@@ -93,6 +93,8 @@ class GaussiansRequest:
             raise ValueError(
                 f"a .{self.form} holds Gaussians, and this surrogate has none: `surrogate train RUN` trains them"
             )
+        if self.setting.cut is not None:
+            raise ValueError(f"a .{self.form} holds whole Gaussians: reset the clip box and the slice")
         gaussians = replace(self.setting, using=GAUSSIANS).member(run.surrogate)
         assert isinstance(gaussians, DeformedGaussians)
         splats = Splats.of(gaussians)

@@ -29,7 +29,9 @@ def annotations_of(run: Run, setting: Setting, parts: Sequence[str]) -> Annotati
         label = label_of(run, run.surrogate.base_appearance)
         legend = Legend(setting.transfer_function(run.surrogate), value_scale(run.surrogate, function), label)
     words = f"{setting.described(run.origins)} · predicted, not simulated"
-    return Annotations(run.title, words, np.array(box_of(run)), legend, tuple(parts))
+    box = np.array(box_of(run))
+    cut = None if setting.cut is None else setting.cut.left_of(box)
+    return Annotations(run.title, words, box, legend, tuple(parts), cut)
 
 
 def annotated(

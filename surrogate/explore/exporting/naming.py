@@ -10,9 +10,11 @@ from typing import Any
 
 from catalogs.vocabulary.cameras import Camera
 from catalogs.vocabulary.numbers import text
+from surrogate.explore.cuts import record_of_cut
 from surrogate.explore.functions import record_of_function
 from surrogate.explore.run import Run
 from surrogate.explore.setting import Setting, with_origins
+from surrogate.ray_casting.cuts import AXES
 
 MOST_LETTERS = 72  # before the mark
 MARK = 6  # hexadecimal digits of a SHA-256 over all that is asked for
@@ -42,7 +44,9 @@ def _words(run: Run, request: Any) -> list[str]:
 
 
 def _looks(setting: Setting) -> list[str]:
-    return ["" if setting.function is None else "function", setting.color_map, setting.using]
+    clip, plane = (setting.cut.box, setting.cut.plane) if setting.cut else (None, None)
+    cut = [clip and "clip", plane and f"slice-{AXES[plane[0]]}-{text(plane[1])}"]
+    return [word or "" for word in (setting.function and "function", setting.color_map, *cut, setting.using)]
 
 
 def _values(run: Run, values: dict[str, float | str]) -> list[str]:
@@ -64,7 +68,8 @@ def _plain(value: Any) -> Any:
         return value.to_json()
     if isinstance(value, Setting):
         function = [] if value.function is None else [record_of_function(value.function)]
-        return [dict(value.values), value.color_map, *filter(None, [value.using]), *function]
+        cut = [record_of_cut(value.cut)] if value.cut else []
+        return [dict(value.values), value.color_map, *filter(None, [value.using]), *function, *cut]
     if is_dataclass(value):
         return [_plain(getattr(value, field.name)) for field in fields(value)]
     return [_plain(part) for part in value] if isinstance(value, tuple | list) else value

@@ -15,6 +15,7 @@ from catalogs.vocabulary.cameras import Camera
 from catalogs.vocabulary.variations import APPEARANCE, POINT_PARAMETERS
 from surrogate.command_line import assignment
 from surrogate.evaluation.metrics import WHITE
+from surrogate.explore.cuts import cut_in, cut_of, record_of_cut
 from surrogate.explore.exporting.annotations import PARTS
 from surrogate.explore.exporting.exports import (
     CommandRequest,
@@ -56,7 +57,10 @@ def from_options(options: Mapping[str, Any], kind: Any, run: Run) -> CommandRequ
     elif kind == "exr":
         parts = ()
     function = _function_in(options["function"]) if options.get("function") else None
-    setting = _setting(run, options["parameters"], options["color_map"], like, options["using"], function)
+    cut = cut_in(options.get("clip", ""), options.get("slice", ""))
+    if cut and (kind in GAUSSIAN_KINDS or kind in ("html", "vti")):
+        raise ValueError(f"--clip and --slice cut pictures and films, not .{kind} files")
+    setting = _setting(run, options["parameters"], options["color_map"], like, options["using"], function, cut)
     if kind in GAUSSIAN_KINDS:
         return GaussiansRequest(setting, kind, options["refit"])
     if kind == "html":
@@ -127,7 +131,8 @@ def _read_state(run: Run, path: Path) -> _State:
     try:
         parameters = {name: float(value) for name, value in record["parameters"].items()}
         texts = str(record["color_map"]), str(record.get("using", ""))
-        setting = Setting(parameters, dict(record["visualization"]), *texts, _function(run, record.get("function")))
+        function = _function(run, record.get("function"))
+        setting = Setting(parameters, dict(record["visualization"]), *texts, function, cut_of(record))
         camera = Camera.from_json(record["camera"]) if "camera" in record else None
         parts = tuple(part for part in PARTS if part in record.get("annotations", ()))
     except (KeyError, TypeError, ValueError, AttributeError) as error:
@@ -137,7 +142,13 @@ def _read_state(run: Run, path: Path) -> _State:
 
 
 def _setting(
-    run: Run, assignments: Sequence[str], color_map: str, like: Setting, using: str = "", function: Any = None
+    run: Run,
+    assignments: Sequence[str],
+    color_map: str,
+    like: Setting,
+    using: str = "",
+    function: Any = None,
+    cut: Mapping[str, Any] | None = None,
 ) -> Setting:
     """The setting of assignments over `like` over the middle of all bounds, checked as a message of the page is."""
     space = run.surrogate.space
@@ -159,6 +170,8 @@ def _setting(
         "color_map": color_map or like.color_map,
         "using": using or like.using,
         "function": function,
+        **record_of_cut(like.cut),
+        **(cut or {}),
     }
     return setting_of(record, run.surrogate, run.origins)
 

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from catalogs.files.images import encode_png, straighten, to_bytes, to_float, write_exr
 from catalogs.vocabulary.cameras import Camera
 from surrogate.answers.doubt import Interval
+from surrogate.explore.cuts import record_of_cut
 from surrogate.explore.functions import record_of_function
 from surrogate.explore.setting import Setting
 from surrogate.model import Surrogate
@@ -67,7 +68,8 @@ def record_for(
     """The record that an image keeps, as JSON values: enough to render it again with the same surrogate.
 
     `surrogate` is the fingerprint of the model's training, "" where it has none.  `Setting` takes back `parameters`,
-    `visualization`, `color_map` and `using`, `function_of` a `function`, which is there for other functions than displaced bases.
+    `visualization`, `color_map` and `using`, `function_of` a `function`, which is there for other functions than displaced bases,
+    and `cut_of` a `clip` and a `slice`, where there are some.
     `Camera.from_json` takes the `camera`; `background` is null for a transparent image.
     `expected` is what was said of its error, with `psnr`, `low` and `high` in dB, null where nobody can say; it is null where
     nobody was asked.
@@ -78,6 +80,7 @@ def record_for(
         "color_map": setting.color_map,
         "using": setting.using,
         **({} if setting.function is None else {"function": record_of_function(setting.function)}),
+        **record_of_cut(setting.cut),
         "camera": camera.to_json(),
         "background": None if background is None else [float(part) for part in background],
         "expected": expected

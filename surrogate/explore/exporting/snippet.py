@@ -13,6 +13,7 @@ from catalogs.vocabulary.cameras import Camera
 from surrogate.explore.color_maps import color_points
 from surrogate.explore.setting import Setting
 from surrogate.model import Surrogate
+from surrogate.ray_casting.cuts import AXES, Cut
 
 
 def snippet(
@@ -29,8 +30,9 @@ def snippet(
     """
     function = _function_lines(setting, surrogate) if setting.is_free else []
     arguments = ["function", *_arguments(setting.parameters)] if function else _arguments(setting.values)
-    picture = f"surrogate.{'under' if function else 'at'}({', '.join(arguments)})"
-    chosen = f'.using("{setting.using}")' if setting.using else ""
+    picture = f"surrogate.{'under' if function else 'at'}({', '.join(arguments)}){_cut(setting)}"
+    using = setting.drawn_by(surrogate) if setting.cut else setting.using
+    chosen = f'.using("{using}")' if using else ""
     behind = "" if background is None else f", background={tuple(float(part) for part in background)!r}"
     program = [
         "from pathlib import Path",
@@ -54,6 +56,13 @@ def snippet(
         'write_image(Path("picture.png"), picture)',
     ]
     return "".join(f"{line}\n" for line in program)
+
+
+def _cut(setting: Setting) -> str:
+    """Calls that cut a member."""
+    cut = setting.cut or Cut()
+    box = "" if cut.box is None else f".within({cut.box[0]!r}, {cut.box[1]!r})"
+    return box + ("" if cut.plane is None else f".slice({AXES[cut.plane[0]]!r}, {cut.plane[1]!r})")
 
 
 def _unit_lines(setting: Setting, surrogate: Surrogate) -> list[str]:

@@ -35,6 +35,8 @@ class Frames:
 
     def __post_init__(self) -> None:
         def member(setting: Setting) -> MemberModel:
+            if setting.cut is not None:  # a box that moves computes no field anew
+                return setting.cut_from(self.member(setting.whole(self.surrogate)))
             return setting.member(self.surrogate)
 
         def doubted(setting: Setting) -> MemberDoubt:

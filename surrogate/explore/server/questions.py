@@ -43,6 +43,8 @@ class Questions:
         from surrogate.answers.sensitivity import sensitivity
 
         setting, camera = request.settings[0], request.camera
+        if setting.cut is not None:
+            raise ValueError("maps are of whole pictures: reset the clip box and the slice")
         small = camera.resized(max(camera.width // SMALLER, 8), max(camera.height // SMALLER, 8))
         names = self.run.surrogate.space.names
         if about == WRONG:
