@@ -13,7 +13,7 @@ from catalogs.vocabulary.numbers import text
 from surrogate.ray_casting.fields import SampledField, Triple
 
 AXES = "xyz"
-THICKNESS = 1e-3  # of a slice, in samples
+THICKNESS = 1e-2  # of a slice, in samples: single precision meets it from far away
 OPAQUE = 1e-6  # of its thickness: the length that opacities of 1 are of
 
 

@@ -13,6 +13,7 @@ from catalogs.vocabulary.cameras import Camera
 from render.quality import psnr
 from surrogate import kernels
 from surrogate.ray_casting import Cut, SampledField, SurfaceCaster, VolumeCaster
+from surrogate.ray_casting.cuts import THICKNESS
 from surrogate.ray_casting.reference import draw_isosurface_reference, draw_volume_reference
 from tests.support.cast_cases import PEAKS, SMOOTH, far_away, gyroid, inside, punctured, seen
 
@@ -144,9 +145,9 @@ def test_a_slice_has_the_colours_of_the_field_there(axis: int) -> None:
     camera = Camera.look_at(middle + 9.0 * towards, middle, vertical_fov_degrees=10.0, width=16, height=16, up=up)
     drawn, _ = cut_volume(field, Cut(None, (axis, place)), VolumeRendering("dvr", SMOOTH), camera)
     eye, rays = camera.rays()
-    places = eye + rays * ((place - eye[axis]) / rays[..., axis])[..., None]  # [H, W, 3]
+    places = eye + rays * ((place + THICKNESS / 2 - eye[axis]) / rays[..., axis])[..., None]  # [H, W, 3]
     values = places @ np.array([0.2, -0.1, 0.05]) - 0.5
-    np.testing.assert_allclose(drawn[..., :3], SMOOTH.colors(values), atol=1e-3)
+    np.testing.assert_allclose(drawn[..., :3], SMOOTH.colors(values), atol=1e-4)
     np.testing.assert_array_equal(drawn[..., 3], 1.0)
 
 
