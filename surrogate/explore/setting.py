@@ -93,7 +93,7 @@ class Setting:
         return replace(self, cut=None, using=FIELD)
 
     def cut_from(self, whole: MemberModel) -> MemberModel:
-        """What is left of the member of `whole`; raises ValueError for a slice of an isosurface."""
+        """The member of `whole` cut; raises ValueError for a slice of an isosurface."""
         assert isinstance(whole, EmulatedMember)
         assert self.cut is not None
         return whole.cut_to(self.cut)

@@ -105,8 +105,8 @@ class EmulatedMember:
         """The same of which pictures show what a cut leaves alone; raises ValueError for a slice of an isosurface."""
         if cut.plane is not None and not isinstance(self.appearance, VolumeRendering):
             raise ValueError(NO_COLORS)
-        member, kept = replace(self, cut=cut), ("_field", "samples", "distance", "_caster")
-        vars(member).update({name: value for name, value in vars(self).items() if name in kept})
+        member, caches = replace(self, cut=cut), ("_field", "samples", "distance", "_caster")
+        vars(member).update({name: value for name, value in vars(self).items() if name in caches})
         return member
 
     def render(self, camera: Camera, *, background: Sequence[float] | None = None) -> NDArray[np.float32]:

@@ -108,12 +108,12 @@ class Triangles:
     def _beyond(self, axis: int, sign: float, least: float) -> Triangles:
         """The surface where `sign` times the places along an axis are `least` or more."""
         depths = sign * self.places[:, axis] - least  # [V]
-        kept = (depths >= 0.0)[self.corners]  # [T, 3]
-        counts, first = kept.sum(axis=1), len(self.places)
+        within = (depths >= 0.0)[self.corners]  # [T, 3]
+        counts, first = within.sum(axis=1), len(self.places)
         places, normals, corners = [self.places], [self.normals], [self.corners[counts == 3]]
         for count in (1, 2):
             chosen = counts == count
-            lone = (kept[chosen] == (count == 1)).argmax(axis=1)  # the corner that is alone on its side
+            lone = (within[chosen] == (count == 1)).argmax(axis=1)  # the corner that is alone on its side
             order = (lone[:, None] + np.arange(3)) % 3
             alone, *others = np.take_along_axis(self.corners[chosen], order, axis=1).T  # [C] each
             ends = []

@@ -48,8 +48,8 @@ class Legend:
 class Annotations:
     """Everything that the marks of a picture say, and which `parts` of them are there.
 
-    `box` is the lowest and the highest corner, (2, 3) world units, and so is `cut`, of what is left of it, where it is cut; there
-    is no `legend` where no transfer function is shown.
+    `box` is the lowest and the highest corner, (2, 3) world units, and so is `cut` of what a cut leaves of it.  There is no
+    `legend` where no transfer function is shown.
     """
 
     title: str

@@ -68,8 +68,8 @@ def record_for(
     """The record that an image keeps, as JSON values: enough to render it again with the same surrogate.
 
     `surrogate` is the fingerprint of the model's training, "" where it has none.  `Setting` takes back `parameters`,
-    `visualization`, `color_map` and `using`, `function_of` a `function`, which is there for other functions than displaced bases,
-    and `cut_of` a `clip` and a `slice`, where there are some.
+    `visualization`, `color_map` and `using`, `function_of` a `function`, which is there for other functions than displaced bases.
+    `cut_of` takes a `clip` and a `slice`, which are there where something is cut.
     `Camera.from_json` takes the `camera`; `background` is null for a transparent image.
     `expected` is what was said of its error, with `psnr`, `low` and `high` in dB, null where nobody can say; it is null where
     nobody was asked.
