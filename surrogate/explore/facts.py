@@ -7,8 +7,8 @@
                     {kind: "transfer_function", label, unit, free, points: [{name, unit, origin, low, high, least, most}],
                      function: {color_points, opacity_points, opacity_unit_distance}, knots, color_maps: [{name, points}]},
                     {kind: "field", names}]: of a field the base's name first
-    histogram      {edges: [65], heights: [64]}: of the base's field over all members, heights the logarithms of counts in [0, 1];
-                   null without
+    histogram      {edges: [65], heights: [64], samples, most}: of the base's field over all members, heights the logarithms of
+                   counts in [0, 1]; counts of all bins and of the fullest; null without
     box            [[x, y, z], [x, y, z]]: the lowest and the highest corner of what is shown, world units
     camera         {direction, up, distance, target, field}: unit vectors, world units, vertical degrees
     members        [{name, split, values}]: values in the order of `parameters`
@@ -214,9 +214,10 @@ def _histogram(field: str, members: Sequence[Member], scale: ValueScale | None) 
     even = np.linspace(0.0, 1.0, BINS + 1)  # [BINS + 1]
     places = low + (high - low) * even if scale is None else scale.values(even)
     below = [np.interp(places, edges, np.concatenate([[0.0], np.cumsum(counts)])) for counts, edges in histograms]
-    heights = np.log1p(np.diff(np.sum(below, axis=0)).clip(0.0))  # [BINS]
-    heights = heights / max(float(heights.max()), 1e-300)
-    return {"edges": places.tolist(), "heights": heights.tolist()}
+    counts = np.diff(np.sum(below, axis=0)).clip(0.0)  # [BINS]
+    heights = np.log1p(counts) / max(float(np.log1p(counts.max())), 1e-300)
+    samples, most = float(counts.sum()), float(counts.max())
+    return {"edges": places.tolist(), "heights": heights.tolist(), "samples": samples, "most": most}
 
 
 def _proper(summary: FieldSummary) -> bool:

@@ -200,8 +200,18 @@ def _number(value: Any, name: str) -> float:
 
 
 def _point(value: Any, name: str) -> tuple[float, float, float]:
-    x, y, z = (_number(part, name) for part in _sequence(value, name, 3, 3))
+    x, y, z = point_of(value, name, 3)
     return x, y, z
+
+
+def point_of(value: Any, name: str, count: int) -> tuple[float, ...]:
+    """That number of finite numbers; raises MessageError for anything else."""
+    return tuple(_number(part, name) for part in _sequence(value, name, count, count))
+
+
+def places_of(value: Any, name: str, most: int) -> list[tuple[float, ...]]:
+    """At most that number of points, each three finite numbers; raises MessageError for anything else."""
+    return [point_of(part, name, 3) for part in _sequence(value, name, 0, most)]
 
 
 def _side(value: Any) -> int:

@@ -12,7 +12,7 @@ from surrogate.deformation.visualization import Visualization
 from surrogate.explore.exporting.page_field import field_of_page, stored_field
 from surrogate.explore.facts import facts
 from surrogate.explore.run import Run
-from surrogate.model import Surrogate
+from surrogate.model import FieldModel, Surrogate
 from surrogate.model.form import stored_form
 from surrogate.model.representation import FIELD, GAUSSIANS, KINDS, VIEW
 from surrogate.storage.models import StoredModel
@@ -77,8 +77,14 @@ def _content(run: Run, whole: StoredModel | None, emulation: StoredModel | None)
             "emulation": emulation and emulation.record,
         },
         "megabytes": sizes,
+        "quantities": [] if emulation is None or surrogate.field is None else _quantities(surrogate.field),
         "best": {kind: run.surrogate.representation(kind) for kind in KINDS},
     }
+
+
+def _quantities(field: FieldModel) -> list[dict[str, str]]:
+    """Names and units of the emulated fields."""
+    return [{"name": q.name, "unit": q.unit} for q in map(field.emulators.quantity, field.emulators)]
 
 
 def _visualization(one: Visualization) -> dict[str, Any]:

@@ -6,7 +6,7 @@ import { BACKGROUNDS } from "./theme.js";
 import { ofWord, settled, wordOf } from "./functions.js";
 import { rounded as roundedOrbit } from "./orbit.js";
 import {
-  current, endsOf, firstSetting, kindsOf, firstState, firstSweep, FULL_SIZES, MODES, MOST_COUNT, pointsOf, possibleSweep, rangeOf,
+  current, endsOf, firstSetting, kindsOf, firstState, firstSweep, FULL_SIZES, MODES, MOST_COUNT, MOST_PINS, pointsOf, possibleSweep, rangeOf,
   sweepable, variation,
 } from "./state.js";
 
@@ -28,6 +28,8 @@ export function addressOf(state, facts) {
   put("hide", state.hidden.join(","), "");
   put("drawn", state.drawn, first.drawn);
   put("over", state.over, first.over);
+  put("probe", state.probe ? "on" : "", "");
+  put("pins", state.pins.map(place => place.join(",")).join(";"), "");
   put("layout", state.layout, first.layout);
   for (const [name, value] of Object.entries(state.sweep)) put(`sweep.${name}`, value, first.sweep[name]);
   return `#${fields}`;
@@ -63,6 +65,8 @@ export function stateOf(address, facts) {
   state.drawn = reading.choice("drawn", ["browser", "program"], "");
   state.layout = reading.choice("layout", ["side", "swipe"], "side");
   state.over = reading.choice("over", ["error", ...facts.parameters.map(({ name }) => name)], "");
+  state.probe = reading.choice("probe", ["on"], "") === "on";
+  state.pins = readPins(reading);
   state.sweep = readSweep(reading, state, facts);
   reading.rest();
   return { state, notes: reading.notes };
@@ -182,6 +186,13 @@ function readHidden(reading) {
   const names = (reading.text("hide") ?? "").split(",").filter(Boolean), known = Object.keys(PARTS);
   if (names.some(name => !known.includes(name))) reading.note("hide", `names other parts than ${known.join(", ")}`, "those");
   return known.filter(part => names.includes(part));
+}
+
+function readPins(reading) {
+  const text = reading.text("pins"), places = text ? text.split(";").map(place => place.split(",").map(part => part.trim() ? Number(part) : NaN)) : [];
+  if (places.length <= MOST_PINS && places.every(place => place.length === 3 && place.every(Number.isFinite))) return places;
+  reading.note("pins", `is not a list of ${MOST_PINS} places at most`, "none");
+  return [];
 }
 
 function readSweep(reading, state, facts) {

@@ -112,6 +112,15 @@ export const over = (request, about) => call("over", { ...request, about });
 /** Runs that would teach most: [[value of each parameter]]. */
 export const suggested = async () => (await call("next")).runs;
 
+/** The emulated field's value that is seen at a `pixel`, null for none, and at `pins`, world places: {seen, pins, name, unit}. */
+export const probed = (request, pixel, pins) => call("probe", { ...request, pixel, pins });
+
+/** How often the field has which value in what a request shows: {edges, shares}. */
+export const here = request => call("here", request);
+
+/** Numbers of the field all over the parameters; while they are made `done`, the share of them that are. */
+export const predictions = request => call("predictions", request);
+
 /** Whether a graphics card draws here without the program; see draw/local.js. */
 export const drawsAlone = () => false;
 

@@ -7,10 +7,12 @@ import { button, digits, element, markTab, tabs } from "../web/elements.js";
 import { Drawing } from "./drawing.js";
 import { exportPanel } from "./exports.js";
 import { listen } from "./hands.js";
+import { Here } from "./here.js";
 import { link } from "./link.js";
 import { cameraOf, rounded, seenAlong } from "./orbit.js";
 import { overlay, saidOf } from "./overlay.js";
 import { build, plan } from "./panes.js";
+import { Probe } from "./probe.js";
 import { comparePanel, displayPanel, modelPanel, parameterPanel, sweepPanel, viewPanel, visualizationPanel } from "./panels.js";
 import { decoded, paint, sideOf, sizeFor, squareOf } from "./pictures.js";
 import { runsPanel } from "./runs.js";
@@ -42,6 +44,7 @@ class Explorer {
     this.layOut();
     this.readAddress();
     listen(this.stage, () => this.state.orbit, orbit => this.look(orbit), facts.camera, () => this.stream.settle());
+    this.probe.listen(this.stage);
     new ResizeObserver(() => this.resized()).observe(this.stage);
     window.addEventListener("hashchange", () => { if (location.hash !== this.written) this.readAddress(); });
     connection.listen({ lost: reason => this.lose(reason), back: () => this.findAgain(), late: seconds => this.wait(seconds) });
@@ -61,13 +64,15 @@ class Explorer {
     this.note = element("div", { id: "note", role: "status", hidden: true });
     this.status = element("p", { id: "status" });
     this.trust = new Trust(this);
+    this.probe = new Probe(this);
+    this.here = new Here(this);
     this.room = new Room(before => { if (this.state.background === before) this.set({ background: firstBackground() }); });
     this.colorbar = element("div", { id: "colorbar", hidden: true },
       element("span", {}, "0"), element("i", { "aria-hidden": "true" }), element("span", { id: "colorbar-high" }), element("span", { id: "compared", role: "status" }));
     this.side = element("aside", { "aria-label": "Controls" });
     document.body.replaceChildren(
-      element("header", { id: "top" }, element("h1", {}, facts.title), this.tabs, this.steps.box, this.room.tools),
-      element("main", { id: "stage-panel" }, element("div", { id: "stage-tab", role: "tabpanel" }, this.note, this.stage, this.alert, this.lost, this.colorbar)),
+      element("header", { id: "top" }, element("h1", {}, facts.title), this.tabs, this.steps.box, this.probe.tool, this.room.tools),
+      element("main", { id: "stage-panel" }, element("div", { id: "stage-tab", role: "tabpanel" }, this.note, this.stage, this.probe.cross, this.probe.reading, this.alert, this.lost, this.colorbar)),
       this.side, this.room.keys,
     );
   }
@@ -102,7 +107,7 @@ class Explorer {
     this.ask = askPanel(this);
     const parts = [
       this.trust.box, state.mode === "compare" && comparePanel(this), state.mode === "sweep" && sweepPanel(this),
-      ...this.controls.map(panel => panel.box), this.ask?.box, snapshotsPanel(this), viewPanel(this), displayPanel(this), exportPanel(this), modelPanel(this), this.status,
+      ...this.controls.map(panel => panel.box), this.ask?.box, this.probe.box, snapshotsPanel(this), viewPanel(this), displayPanel(this), exportPanel(this), modelPanel(this), this.status,
     ];
     const { id } = document.activeElement ?? {};
     this.side.replaceChildren(...parts.filter(Boolean));
@@ -157,17 +162,19 @@ class Explorer {
   refresh() {
     for (const panel of this.controls) panel.set(current(this.state));
     this.cameraShown?.(this.state.orbit);
+    this.probe.refresh();
     document.getElementById("stage-panel").style.setProperty("--behind", this.state.background);
   }
 
-  changed() {
+  /** The state has changed, and with it what `isSeen`. */
+  changed(isSeen = true) {
     const now = performance.now(), due = (this.addressed ?? -Infinity) + ADDRESSED;
     clearTimeout(this.addressing);
     this.isNext ||= now > (this.changedAt ?? -Infinity) + GESTURE;
     this.changedAt = now;
     if (now >= due) this.writeAddress();
     else this.addressing = setTimeout(() => this.writeAddress(), due - now);
-    this.stream.change();
+    if (isSeen) this.stream.change();
   }
 
   writeAddress() {
@@ -298,6 +305,7 @@ class Explorer {
   /** Draw what pictures say of themselves over them: of a comparison the box alone. */
   annotate({ camera, size }) {
     const { state, facts, planned } = this, alone = planned.kind === "view";
+    this.probe.annotate({ camera, size });
     if (planned.kind === "sweep") return;
     this.panes.slice(0, alone ? 1 : 2).forEach(({ canvas, marks }, i) => {
       const said = saidOf(planned.kind === "compare" ? state.settings[i] : current(state), state, facts), shown = alone ? said.shown : said.shown.filter(part => part === "box");
@@ -319,6 +327,8 @@ class Explorer {
     }
     this.expect(answer.expected);
     this.ask?.follow();
+    this.probe.follow();
+    this.here.follow();
     this.panes.forEach((p, i) => p.canvas.setAttribute("aria-label", this.spoken(i)));
   }
 

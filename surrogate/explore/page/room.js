@@ -6,7 +6,7 @@ import { followTheme } from "./theme.js";
 
 const KEYS = [
   ["Arrows", "turn the picture"], ["Shift + arrows", "move it"], ["+ and −", "come nearer, go farther"], ["Home", "the first view"],
-  ["Ctrl + Z, Ctrl + Shift + Z", "undo, redo"], ["p", "fold all panels, and back"], ["f", "the whole screen, and back"], ["l", "light or dark"], ["?", "this list"],
+  ["Ctrl + Z, Ctrl + Shift + Z", "undo, redo"], ["p", "fold all panels, and back"], ["f", "the whole screen, and back"], ["v", "values under the pointer, and off"], ["Enter", "while these are on: pin the middle of the picture"], ["l", "light or dark"], ["?", "this list"],
   ["Enter, Delete", "at a control point: add one, remove it"], ["Arrows", "at a control point or slider: move it"],
 ];
 export class Room {

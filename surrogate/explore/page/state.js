@@ -2,7 +2,7 @@
 //
 // { mode, settings: [A, B], active, against, orbit, background, full, hidden, drawn, over, sweep }; `hidden` names PARTS of annotations.js,
 // `drawn` what draws: the browser or the program, "" for the faster; `over` what lies over the picture, see ask.js;
-// `layout` how two pictures are shown, "side" by side or one under the other to "swipe".
+// `probe` says that the value under the pointer is shown, `pins` are places in the world; `layout` how two pictures are shown, "side" by side or one under the other to "swipe".
 // A setting: { parameters: {name: value}, kind, isovalue, points: {c1_value, ...}, free, colorMap, appearance, using }; `points` are the
 // places of the transfer function's control points, `free` is another function instead (functions.js) or null, `using` names what draws it, "" for the best.  A sweep: { name, low, high, count, second, secondLow, secondHigh, secondCount }, where
 // "" for an end is the bound.
@@ -15,7 +15,7 @@ export const MODES = ["view", "compare", "sweep"];
 export const AUTOMATIC = 0, EVERY_PIXEL = 1; // every pixel where a graphics card draws, else a usual size; every pixel
 export const FULL_SIZES = [AUTOMATIC, 256, 384, 512, 768, 1024, EVERY_PIXEL];
 export const COUNTS = [2, 3, 4, 5, 6, 7, 8, 10, 12];
-export const MOST_COUNT = 24;
+export const MOST_COUNT = 24, MOST_PINS = 20;
 export const CELLS = 60; // pictures of a sweep at most
 
 export const variation = (facts, kind) => facts.variations.find(v => v.kind === kind);
@@ -65,6 +65,8 @@ export function firstState(facts) {
     hidden: [],
     drawn: "",
     over: "",
+    probe: false,
+    pins: [],
     layout: "side",
     sweep: firstSweep(facts),
   };

@@ -3,6 +3,7 @@
 
 import { button, digits, drawn, element } from "../web/elements.js";
 import { between, axisOf, colorsOf, displaced, hexOf, settled } from "./functions.js";
+import { heightsOf } from "./here.js";
 import { exchange } from "./exchange.js";
 import { numberInput } from "./numbers.js";
 import { tidy } from "./state.js";
@@ -20,7 +21,7 @@ const LETTER = 5.6; // width of a tick's digit
  */
 export function transferEditor(of, histogram, changed, explorer) {
   const axis = axisOf(of.knots), parameters = Object.fromEntries(of.points.map(p => [p.name, p]));
-  let now = { opacity: [], colors: null }, colorMap = "", selected = 1, handles = [], from = 0, to = 1;
+  let now = { opacity: [], colors: null }, shares = null, colorMap = "", selected = 1, handles = [], from = 0, to = 1;
 
   const x = value => PAD + (WIDTH - 2 * PAD) * (axis.place(value) - from) / (to - from);
   const y = opacity => HEIGHT - FOOT - (HEIGHT - FOOT - PAD) * opacity;
@@ -28,14 +29,15 @@ export function transferEditor(of, histogram, changed, explorer) {
 
   const stops = Array.from({ length: STOPS + 1 }, (_, i) => drawn("stop", { offset: i / STOPS }));
   const line = drawn("polyline", { class: "function" }), area = drawn("polygon", { class: "area", fill: "url(#transfer-colors)" });
-  const behind = drawn("g"), knobs = drawn("g"), ghost = drawn("polyline", { class: "ghost" });
+  const outline = drawn("path", { class: "here" }), behind = drawn("g"), knobs = drawn("g"), ghost = drawn("polyline", { class: "ghost" });
   const svg = drawn(
     "svg", { viewBox: `0 0 ${WIDTH} ${HEIGHT}`, class: "transfer", role: "group", "aria-label": "Opacity over field values" },
-    drawn("defs", {}, drawn("linearGradient", { id: "transfer-colors" }, ...stops)), behind, area, ghost, line, knobs,
+    drawn("defs", {}, drawn("linearGradient", { id: "transfer-colors" }, ...stops)), behind, area, outline, ghost, line, knobs,
   );
   if (of.free) svg.ondblclick = event => { if (event.target.tagName !== "circle") add(at(event)[0]); };
 
-  const title = element("div", { class: "scale" }, element("span", {}, of.label || "field value"), element("span", {}, "all runs behind"));
+  const hereKey = element("span", { hidden: true }, element("i", { class: "here" }), "here");
+  const title = element("div", { class: "scale" }, element("span", {}, of.label || "field value"), element("span", { class: "histograms" }, ...histogram ? [element("i", { class: "all" }), "all runs"] : [], hereKey));
   const row = element("div", { class: "point" });
   const value = numberInput(spoken("value"), () => valueBounds(now, selected), to => move(selected, to, now.opacity[selected][1]), { id: "point-value" });
   const opacity = numberInput(spoken("opacity"), () => opacityBounds(selected), to => move(selected, now.opacity[selected][0], to), { id: "point-opacity" });
@@ -237,6 +239,7 @@ export function transferEditor(of, histogram, changed, explorer) {
       const [left, right] = [x(histogram.edges[i]), x(histogram.edges[i + 1])];
       return height > 0 && drawn("rect", { class: "bar", x: left, width: Math.max(0.5, right - left), y: y(height * 0.95), height: y(0) - y(height * 0.95) });
     });
+    drawHere();
     const allowed = of.points.length ? [1, 2].map(i => {
       const [value, opacity] = [parameters[`c${i}_value`], parameters[`c${i}_opacity`]], left = x(value.low), top = y(Math.min(1, opacity.high));
       return drawn("rect", { class: "allowed", x: left, y: top, width: x(value.high) - left, height: y(Math.max(0, opacity.low)) - top });
@@ -257,6 +260,18 @@ export function transferEditor(of, histogram, changed, explorer) {
       made.style.background = `linear-gradient(to right, ${Array.from({ length: 13 }, (_, i) => colorAt(colors, at(i / 12))).join(", ")})`;
     }
   }
+
+  /** The outline of the histogram of what is shown, on the axis of that of all runs. */
+  function drawHere() {
+    hereKey.hidden = !shares;
+    const heights = shares ? heightsOf(shares, histogram) : [];
+    outline.setAttribute("d", heights.map((height, i) => `${i ? "L" : "M"}${x(shares.edges[i])} ${y(0.95 * height)}H${x(shares.edges[i + 1])}`).join(""));
+  }
+
+  explorer.hereShown = found => {
+    shares = found;
+    drawHere();
+  };
 
   function set(setting) {
     [now, colorMap] = [setting.free ?? displaced(of, setting.points), setting.colorMap];

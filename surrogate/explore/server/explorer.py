@@ -35,7 +35,9 @@ from surrogate.explore.server.calls import Call, Sockets, parsed, reported
 from surrogate.explore.server.frames import Frames
 from surrogate.explore.server.guard import PAGE, guard
 from surrogate.explore.server.link import PageParameters
+from surrogate.explore.server.predictions import Predictions
 from surrogate.explore.server.questions import Questions, about_of
+from surrogate.explore.server.values import Values
 from surrogate.explore.truth import Truth
 
 DRAWING_THREADS = 2
@@ -69,6 +71,7 @@ class Explorer:
         alone: dict[str, Any] = {"initializer": torch.set_num_threads, "initargs": (1,)}
         self._drawing = ThreadPoolExecutor(DRAWING_THREADS, thread_name_prefix="draw", **alone)
         self._exporting = ThreadPoolExecutor(1, thread_name_prefix="export", **alone)
+        self._counting = ThreadPoolExecutor(1, thread_name_prefix="count", **alone)
         self._exports = 0  # made or waiting
         self._closed = threading.Event()
         self._measuring = threading.Thread(target=self._measure, name="doubt", daemon=True)
@@ -112,7 +115,7 @@ class Explorer:
     def close(self) -> None:
         """Stop drawing and measuring."""
         self._closed.set()
-        for pool in (self._drawing, self._exporting):
+        for pool in (self._drawing, self._exporting, self._counting):
             pool.shutdown(wait=False, cancel_futures=True)
         if self._measuring.is_alive():  # at the end of Python a thread inside of a kernel would abort the process
             self._measuring.join(timeout=PATIENCE)
@@ -142,7 +145,9 @@ class Explorer:
 
     def _application(self) -> web.Application:
         frames, surrogate = self.frames, self.run.surrogate
-        origins, questions = self.run.origins, Questions(self.run, frames)
+        origins, questions, histogram = self.run.origins, Questions(self.run, frames), self._facts["histogram"]
+        values = Values(self.run, histogram and histogram["edges"])
+        predictions = Predictions(self.run, self._counting, self._closed)
         calls: dict[str, Call] = {
             "facts": lambda _: self._facts,
             "frame": lambda request: frames.answer(frame_request(request, surrogate, origins)),
@@ -150,6 +155,9 @@ class Explorer:
             "expected": lambda request: {"expected": frames.expected(frame_request(request, surrogate, origins))},
             "over": lambda request: questions.over(frame_request(request, surrogate, origins), about_of(request)),
             "next": lambda _: questions.next(),
+            "probe": lambda request: values.probe(frame_request(request, surrogate, origins), request),
+            "here": lambda request: values.here(frame_request(request, surrogate, origins)),
+            "predictions": lambda request: predictions.answer(frame_request(request, surrogate, origins)),
             "follow": self.parameters.follow,
             "survey": lambda _: self._expectations.to_json(),
             "nearest": lambda request: {"found": frames.nearest(frame_request(request, surrogate, origins))},

@@ -6,14 +6,15 @@ import { Doubt } from "draw/doubt.js";
 import { Graphics } from "draw/graphics.js";
 import { modelOf } from "draw/model.js";
 import { normalized } from "draw/parameters.js";
-import { CARD, transferOf, Ways } from "draw/ways.js";
+import { seenPlace, sharesOf, valueAt } from "draw/probing.js";
+import { CARD, transferOf, transferred, Ways } from "draw/ways.js";
 import { paintMarks } from "explore/overlay.js";
 
 const given = JSON.parse(new TextDecoder().decode(await unpacked("surrogate")));
 export const model = modelOf(await unpacked("tensors"), await unpacked("field"), given.record);
 export const doubt = given.expected.survey ? new Doubt(given.expected, given.facts.parameters) : null;
 const canvas = document.createElement("canvas");
-let refusal = "";
+let refusal = "", kept = {}; // the field of the last parameters
 export const ways = new Ways(model, given, graphicsOf());
 canvas.addEventListener("webglcontextlost", event => {
   event.preventDefault();
@@ -43,7 +44,7 @@ async function unpacked(id) {
 export class Gone extends Error {}
 
 /** There is no program that could draw, or be asked. */
-export const drawable = null, expected = null, asks = false, over = null, suggested = null, follow = null;
+export const drawable = null, expected = null, asks = false, over = null, suggested = null, follow = null, predictions = null;
 
 /** Whether a graphics card draws here. */
 export const drawsAlone = () => ways.device === CARD;
@@ -60,6 +61,32 @@ export async function facts() {
 export async function frame(request) {
   const { settings, form } = request, camera = cameraOf(request);
   return { ...await answered(ways, request), truth: null, expected: form === "png" ? settings.map(setting => expectation(setting, camera)) : null };
+}
+
+/** The values that are seen at a pixel and at pins; their errors the page does not hold. */
+export async function probed(request, pixel, pins) {
+  const { field, appearance } = fieldOf(request.settings[0]), found = place => {
+    const value = valueAt(field, place);
+    return value === null ? null : { value, deviation: null, half: null };
+  };
+  const place = pixel && seenPlace(field, appearance, cameraOf(request), pixel);
+  return { seen: place && { place, value: null, ...found(place) }, pins: pins.map(found), ...given.quantities[appearance.number] };
+}
+
+/** How often the field has which value. */
+export async function here(request) {
+  const { field } = fieldOf(request.settings[0]), edges = given.facts.histogram?.edges;
+  return sharesOf(field, edges);
+}
+
+/** The field that shows a setting, and how: { field, appearance }. */
+function fieldOf({ parameters, visualization, color_map: map, function: free }) {
+  const { fields } = model;
+  if (!fields) throw new Error("This page holds no emulated field, so it knows no values: surrogate export --field-modes puts one in.");
+  const { appearance } = fields.appearance(visualization, transferred(fields, { visualization, color_map: map, function: free }, ways.maps[map]));
+  const key = JSON.stringify([appearance.number, parameters]);
+  if (kept.key !== key) kept = { key, field: fields.at(appearance.number, parameters) };
+  return { field: kept.field, appearance };
 }
 
 export const survey = async () => given.expected;

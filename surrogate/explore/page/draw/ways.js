@@ -116,7 +116,7 @@ function questionOf(visualization, byFunction) {
 }
 
 /** The function of a field's base that a setting shows: {function, free}, free where no distance along rays is known; null for its own. */
-function transferred({ record: { base: { transfer_function: base } } }, { visualization, color_map: map, function: free }, points) {
+export function transferred({ record: { base: { transfer_function: base } } }, { visualization, color_map: map, function: free }, points) {
   if (!base || "isovalue" in visualization || "appearance" in visualization) return null;
   return { function: transferOf({ ...base, ...free }, visualization, points), free: Boolean(map || free) };
 }

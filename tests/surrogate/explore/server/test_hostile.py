@@ -104,6 +104,7 @@ def guarded() -> Iterator[str]:
     shown.close()
 
 
+CALLS = "facts, frame, model, expected, over, next, probe, here, predictions, follow, survey, nearest"
 CLOSED = [
     "trame.state.get",
     "Facts",
@@ -122,8 +123,9 @@ CLOSED = [
 def test_nothing_else_can_be_called(tab: Tab, name: str) -> None:
     before = tab.ask("facts")
     for request in (None, [], {}, [{"key": "title", "value": "<b>mine</b>"}], "title"):
-        assert "call is one of facts, frame, model, expected, over, next, follow, survey, nearest" in harmless(
-            tab.ask(name, request)
+        assert (
+            "call is one of facts, frame, model, expected, over, next, probe, here, predictions, follow, survey, nearest"
+            in harmless(tab.ask(name, request))
         )
     assert tab.ask("facts") == before
     lives(tab)
@@ -150,7 +152,7 @@ def test_answers_come_in_the_order_of_the_calls(tab: Tab) -> None:
         harmless(tab.receive())
 
 
-@pytest.mark.parametrize("call", ["frame", "nearest", "expected", "over"])
+@pytest.mark.parametrize("call", ["frame", "nearest", "expected", "over", "probe", "here", "predictions"])
 def test_wrong_requests_get_their_sentence(tab: Tab, call: str) -> None:
     for changes, complaint in requests.WRONG:
         answer = tab.ask(call, message(**changes))

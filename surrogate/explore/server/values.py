@@ -1,0 +1,65 @@
+"""Values of the emulated field: under the pointer, at pins, and how often each occurs."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+
+from catalogs.vocabulary.words import one_line
+from surrogate.explore.probing import seen_place, values_at
+from surrogate.explore.request import FrameRequest, places_of, point_of
+from surrogate.explore.run import Run
+from surrogate.explore.setting import Setting
+from surrogate.model.emulated_member import EmulatedMember
+
+NO_FIELD = "this run has no emulated field, so nobody knows values: `surrogate train` fits one where members keep coarse fields"
+KEPT = 8  # fields at the last settings
+MOST_PINS = 20
+
+
+@dataclass(eq=False)
+class Values:
+    """Answers by the emulated field of a run, whatever draws its pictures; `edges` (B + 1,) are those of its histogram."""
+
+    run: Run
+    edges: Sequence[float] | None = None
+
+    __repr__ = one_line
+
+    def __post_init__(self) -> None:
+        self.member = lru_cache(maxsize=KEPT)(self._member)
+
+    def probe(self, request: FrameRequest, message: Mapping[str, Any]) -> dict[str, Any]:
+        """The values at the message's `pixel` and at its `pins`, world places, in the field of the request's first setting.
+
+        `seen` is the place there with its value, null where nothing is seen; `pins` are values or nulls; `name` and `unit` are the
+        field's.  Raises MessageError for a wrong message, ValueError for a run without an emulated field.
+        """
+        pixel = None if message.get("pixel") is None else point_of(message["pixel"], "pixel", 2)
+        pins = places_of(message.get("pins", []), "pins", MOST_PINS)
+        member = self.member(request.settings[0])
+        place = None if pixel is None else seen_place(member, request.camera, pixel)
+        field, quantity = member.field(), member.quantity
+        answer = {"pins": values_at(field, pins), "name": quantity.name, "unit": quantity.unit}
+        if place is None:
+            return answer | {"seen": None}
+        return answer | {"seen": {"place": place.tolist(), "value": None, **(values_at(field, [place])[0] or {})}}
+
+    def here(self, request: FrameRequest) -> dict[str, Any]:
+        """Shares of the field's samples in bins between `edges`; raises ValueError for a run without an emulated field."""
+        field = self.member(request.settings[0]).field()
+        values = field.values if field.holes is None else field.values[~field.holes]
+        edges = np.asarray(self.edges if self.edges is not None else np.linspace(values.min(), values.max(), 65))
+        return {"edges": edges.tolist(), "shares": (np.histogram(values, edges)[0] / values.size).tolist()}
+
+    def _member(self, setting: Setting) -> EmulatedMember:
+        field = self.run.surrogate.field
+        if field is None:
+            raise ValueError(NO_FIELD)
+        if setting.is_free:
+            return field.member(field.point(setting.parameters, "allow", setting.transfer_function(self.run.surrogate)))
+        return field.member(field.point(setting.values, "allow"))
