@@ -37,8 +37,8 @@ FIELD = """async ([cases, engine]) => {
   const { FieldScripts } = await import("draw/field_scripts.js"), { Graphics } = await import("draw/graphics.js");
   const graphics = new Graphics(document.createElement("canvas"));
   const own = engine === "card" ? new FieldCards(fields, graphics) : new FieldScripts(fields);
-  return cases.map(({ parameters, visualization, transfer, camera }) => {
-    own.set(parameters, visualization, transfer);
+  return cases.map(({ parameters, visualization, transfer, camera, cut }) => {
+    own.set(parameters, visualization, transfer, cut);
     return textOf(own.draw(camera));
   });
 }"""

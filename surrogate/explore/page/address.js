@@ -2,6 +2,7 @@
 
 import { digits, digitsOf } from "../web/elements.js";
 import { PARTS } from "./annotations.js";
+import { canCut, cutIn } from "./cuts.js";
 import { BACKGROUNDS } from "./theme.js";
 import { ofWord, settled, wordOf } from "./functions.js";
 import { rounded as roundedOrbit } from "./orbit.js";
@@ -43,6 +44,7 @@ function writeSetting(fields, side, setting, facts) {
   put("appearance", setting.appearance, first.appearance);
   put("colors", setting.colorMap, "");
   put("using", setting.using, "");
+  for (const name of ["clip", "slice"]) if (setting[name]) fields.set(`${side}.${name}`, setting[name].join(","));
   if (setting.free) fields.set(`${side}.function`, wordOf(setting.free));
   for (const point of POINTS) put(point, placeOf(setting.points, point), placeOf(first.points, point));
 }
@@ -132,6 +134,12 @@ function readSetting(reading, side, facts, setting) {
     setting.colorMap = reading.choice(`${side}.colors`, ["", ...functions.color_maps.map(map => map.name)], "");
     readPoints(reading, side, setting, facts);
     if (functions.free) readFunction(reading, `${side}.function`, setting, functions);
+  }
+  const [clip, slice] = ["clip", "slice"].map(name => reading.text(`${side}.${name}`)), able = canCut(facts) || "can't be drawn: there is no emulated field here";
+  const cut = cutIn(clip, slice, (name, why) => reading.note(`${side}.${name}`, why, "nothing"));
+  for (const name of ["clip", "slice"]) {
+    if (cut[name] && able === true) setting[name] = cut[name];
+    else if (cut[name]) reading.note(`${side}.${name}`, able);
   }
   return setting;
 }

@@ -19,12 +19,13 @@ const LEGEND_TOP = 66, BAR = 12, CURVE = 26, STEPS = 64, TALLEST = 240;
 /** The scale of a file by the pixels of its shorter side; on the screen it is 1. */
 export const scaleOf = ([width, height]) => Math.max(0.75, Math.min(4, Math.min(width, height) / 600));
 
-/** All marks of a picture; `legend` is { colors, opacity, knots, label } or null, `shown` the names of PARTS that are not hidden, 
+/** All marks of a picture; `legend` is { colors, opacity, knots, label } or null, `cut` what a cut leaves of the box or null, `shown` the names of PARTS that are not hidden, 
  * `lines` the words, `rows` how many of them stand over the legend. */
-export function annotationsOf({ camera, size, box, legend, title, words, shown, scale = 1, lines = linesOf(words, size[0], scale), rows = shown.includes("title") ? lines.length : 0 }) {
+export function annotationsOf({ camera, size, box, cut, legend, title, words, shown, scale = 1, lines = linesOf(words, size[0], scale), rows = shown.includes("title") ? lines.length : 0 }) {
   const lens = lensOf(camera, size);
   return [
     ...shown.includes("box") ? boxOf(lens, box, scale) : [],
+    ...shown.includes("box") && cut ? linesAlong(edgesOf(lens, ...cut)) : [],
     ...shown.includes("legend") && legend ? legendOf(legend, size, scale, rows) : [],
     ...shown.includes("axes") ? axesOf(lens, size, scale) : [],
     ...shown.includes("title") ? titleOf(title, lines, size, scale) : [],
@@ -45,14 +46,16 @@ export function lensOf({ position, target, up, field }, [width, height]) {
 // ---- the box
 
 function boxOf(lens, [low, high], scale) {
-  const near = NEAR * Math.hypot(...plus(high, scaled(-1, low))), edges = edgesOf(lens, low, high, near);
-  const lines = edges.filter(edge => edge.ends).map(({ ends: [[x1, y1], [x2, y2]], front }) => ["line", [x1, y1, x2, y2], front ? FRONT : BACK]);
+  const edges = edgesOf(lens, low, high), lines = linesAlong(edges);
   const center = lens.project(plus(scaled(0.5, low), scaled(0.5, high)));
   return [...lines, ...[0, 1, 2].flatMap(axis => ticksOf(edges.filter(edge => edge.axis === axis), axis, lens, center, scale))];
 }
 
+const linesAlong = edges => edges.filter(edge => edge.ends).map(({ ends: [[x1, y1], [x2, y2]], front }) => ["line", [x1, y1, x2, y2], front ? FRONT : BACK]);
+
 /** The twelve edges: { axis, from, to, front, outline, ends }; two faces meet in each, and it is seen where one of them is. */
-function edgesOf(lens, low, high, near) {
+function edgesOf(lens, low, high) {
+  const near = NEAR * Math.hypot(...plus(high, scaled(-1, low)));
   const faces = [0, 1, 2].map(axis => [lens.eye[axis] < low[axis], lens.eye[axis] > high[axis]]); // seen from outside
   return [0, 1, 2].flatMap(axis => [0, 1, 2, 3].map(corner => {
     const [a, b] = [0, 1, 2].filter(other => other !== axis), sides = [corner & 1, corner >> 1];

@@ -3,6 +3,7 @@
 import { addressOf, stateOf } from "./address.js";
 import { askPanel } from "./ask.js";
 import * as connection from "./connection.js";
+import { cutPanel } from "./cutting.js";
 import { button, digits, element, markTab, tabs } from "../web/elements.js";
 import { Drawing } from "./drawing.js";
 import { exportPanel } from "./exports.js";
@@ -103,7 +104,7 @@ class Explorer {
     document.body.dataset.mode = state.mode;
     const parameters = parameterPanel(this, swept), runs = runsPanel(this);
     this.ofParameters = [parameters, runs].filter(Boolean);
-    this.controls = [parameters, visualizationPanel(this, swept), runs].filter(Boolean);
+    this.controls = [parameters, visualizationPanel(this, swept), cutPanel(this), runs].filter(Boolean);
     this.ask = askPanel(this);
     const parts = [
       this.trust.box, state.mode === "compare" && comparePanel(this), state.mode === "sweep" && sweepPanel(this),
@@ -202,7 +203,7 @@ class Explorer {
 
   /** Show what a stored picture shows. */
   takeStored({ parameters, visualization, orbit }) {
-    const setting = current(this.state);
+    const setting = Object.assign(current(this.state), { clip: null, slice: null });
     Object.assign(setting.parameters, parameters);
     this.state.orbit = rounded(orbit);
     if ("isovalue" in visualization) setting.isovalue = visualization.isovalue;

@@ -1,5 +1,6 @@
 // The way from snapshot to snapshot: settings and cameras between two states.
 
+import { clipBetween } from "./cuts.js";
 import { anglesOf, placedAt } from "./orbit.js";
 import { current, shareOf, valueAt } from "./state.js";
 
@@ -13,6 +14,8 @@ export function stateBetween(first, last, share, facts) {
     setting.parameters[p.name] = valueAt(p, between(shareOf(p, a.parameters[p.name]), shareOf(p, b.parameters[p.name]), at));
   }
   if (a.kind === "isovalue" && b.kind === "isovalue") setting.isovalue = between(a.isovalue, b.isovalue, at);
+  setting.clip = clipBetween(a, b, at, facts.box);
+  if (a.slice && b.slice && a.slice[0] === b.slice[0]) setting.slice = [a.slice[0], between(a.slice[1], b.slice[1], at)];
   for (const name of Object.keys(setting.points)) setting.points[name] = between(a.points[name], b.points[name], at);
   nearer.orbit = orbitBetween(first.orbit, last.orbit, at);
   return nearer;

@@ -2,6 +2,7 @@
 
 import { drawn } from "../web/elements.js";
 import { annotationsOf, BACK, FRONT, lensOf, linesOf, PARTS, scaleOf, tipsOf, triadAt } from "./annotations.js";
+import { leftOf } from "./cuts.js";
 import { colorsOf, displaced } from "./functions.js";
 import { variation } from "./state.js";
 import { described } from "./words.js";
@@ -14,7 +15,7 @@ const LIGHT = 0.5; // luminance of a background from which on ink is dark
 export function saidOf(setting, state, facts) {
   const of = variation(facts, "transfer_function"), made = setting.kind === "transfer_function" && (setting.free ?? displaced(of, setting.points));
   return {
-    title: facts.title, words: `${described(setting, facts)} · predicted, not simulated`, box: facts.box, background: state.background,
+    title: facts.title, words: `${described(setting, facts)} · predicted, not simulated`, box: facts.box, cut: leftOf(setting, facts.box), background: state.background,
     legend: made ? { colors: colorsOf(made, setting.colorMap, of), opacity: made.opacity, knots: of.knots, label: of.label } : null,
     shown: Object.keys(PARTS).filter(part => !state.hidden.includes(part)),
   };
@@ -29,7 +30,7 @@ function inksOf(background) {
 const GROUPS = { // parts that are drawn anew together, when something that they need has changed
   words: { parts: ["title"], needs: ["title", "lines"] },
   legend: { parts: ["legend"], needs: ["legend", "rows"] },
-  space: { parts: ["box", "axes"], needs: ["box", "camera"] },
+  space: { parts: ["box", "axes"], needs: ["box", "cut", "camera"] },
 };
 
 /** Show the marks of a picture in an SVG of `size` (CSS pixels); `look(axis)` hears that an axis is chosen. */

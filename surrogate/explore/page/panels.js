@@ -5,6 +5,7 @@ import { PARTS } from "./annotations.js";
 import { group } from "./groups.js";
 import { numberInput } from "./numbers.js";
 import { anglesOf, placedAt, PRESETS, seenFrom, widened, zoomed } from "./orbit.js";
+import { orthographicSwitch } from "./orthographic.js";
 import { slider } from "./sliders.js";
 import { AUTOMATIC, COUNTS, current, endsOf, EVERY_PIXEL, FULL_SIZES, kindsOf, mostRows, rangeOf, sweepable, sweptOf, variation } from "./state.js";
 import { BACKGROUNDS } from "./theme.js";
@@ -86,14 +87,15 @@ export function viewPanel(explorer) {
   const { facts } = explorer;
   const presets = element("div", { class: "buttons", role: "group", "aria-label": "Look from" }, ...Object.entries(PRESETS).map(([name, direction]) =>
     button(name, () => explorer.look(seenFrom(explorer.state.orbit, direction)), { "aria-label": `Look from ${name.replace("−", "minus ").replace("+", "plus ")}` })));
-  return group("View", presets, cameraNumbers(explorer), element("div", { class: "buttons" },
+  const flat = orthographicSwitch(explorer);
+  return group("View", presets, cameraNumbers(explorer, flat), element("div", { class: "buttons" }, flat.box,
     button("Reset", () => explorer.look(facts.camera), { id: "reset-view" }),
     facts.truth && button("Nearest stored view", () => explorer.goToStored(found => explorer.look(found.orbit))),
     button("Copy camera", () => explorer.copy(JSON.stringify(explorer.request(false).camera), "camera"))));
 }
 
 /** The camera as numbers, which follow what hands do. */
-function cameraNumbers(explorer) {
+function cameraNumbers(explorer, flat) {
   const { facts } = explorer, orbit = () => explorer.state.orbit, home = facts.camera;
   const far = 50 * home.distance;
   const offered = [ // name, unit, from, to, value of an orbit, orbit of a value
@@ -104,7 +106,10 @@ function cameraNumbers(explorer) {
   ];
   const inputs = offered.map(([name, , least, most, , place]) =>
     numberInput(name.toLowerCase(), () => ({ least, most }), value => explorer.look(place(value)), { id: `camera-${name.toLowerCase().replaceAll(" ", "-")}` }));
-  explorer.cameraShown = now => inputs.forEach((input, i) => input.set(+offered[i][4](now).toPrecision(7)));
+  explorer.cameraShown = now => {
+    flat.set(now);
+    inputs.forEach((input, i) => input.set(+offered[i][4](now).toPrecision(7)));
+  };
   explorer.cameraShown(orbit());
   return element("details", { class: "camera" }, element("summary", {}, "Camera as numbers"),
     element("div", { class: "numbers" }, ...inputs.map(({ input }, i) =>

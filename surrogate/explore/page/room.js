@@ -6,7 +6,7 @@ import { followTheme } from "./theme.js";
 
 const KEYS = [
   ["Arrows", "turn the picture"], ["Shift + arrows", "move it"], ["+ and −", "come nearer, go farther"], ["Home", "the first view"],
-  ["Ctrl + Z, Ctrl + Shift + Z", "undo, redo"], ["p", "fold all panels, and back"], ["f", "the whole screen, and back"], ["v", "values under the pointer, and off"], ["Enter", "while these are on: pin the middle of the picture"], ["l", "light or dark"], ["?", "this list"],
+  ["Ctrl + Z, Ctrl + Shift + Z", "undo, redo"], ["o", "orthographic, and back"], ["p", "fold all panels, and back"], ["f", "the whole screen, and back"], ["v", "values under the pointer, and off"], ["Enter", "while these are on: pin the middle of the picture"], ["l", "light or dark"], ["?", "this list"],
   ["Enter, Delete", "at a control point: add one, remove it"], ["Arrows", "at a control point or slider: move it"],
 ];
 export class Room {
@@ -29,7 +29,7 @@ export class Room {
   press(event) {
     const typing = event.target.closest?.("input, select, textarea, dialog");
     if (typing || event.ctrlKey || event.metaKey || event.altKey) return;
-    const act = { "?": () => this.keys.showModal(), f: () => this.fill(), p: () => this.fold(), l: () => this.switchTheme() }[event.key];
+    const act = { "?": () => this.keys.showModal(), f: () => this.fill(), p: () => this.fold(), l: () => this.switchTheme(), o: () => document.getElementById("orthographic").click() }[event.key];
     if (!act) return;
     event.preventDefault();
     act();

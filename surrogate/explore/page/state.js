@@ -4,9 +4,10 @@
 // `drawn` what draws: the browser or the program, "" for the faster; `over` what lies over the picture, see ask.js;
 // `probe` says that the value under the pointer is shown, `pins` are places in the world; `layout` how two pictures are shown, "side" by side or one under the other to "swipe".
 // A setting: { parameters: {name: value}, kind, isovalue, points: {c1_value, ...}, free, colorMap, appearance, using }; `points` are the
-// places of the transfer function's control points, `free` is another function instead (functions.js) or null, `using` names what draws it, "" for the best.  A sweep: { name, low, high, count, second, secondLow, secondHigh, secondCount }, where
+// places of the transfer function's control points, `free` is another function instead (functions.js) or null, `using` names what draws it, "" for the best; `clip` and `slice` are those of cuts.js or null.  A sweep: { name, low, high, count, second, secondLow, secondHigh, secondCount }, where
 // "" for an end is the bound.
 
+import { cutOf, usedBy } from "./cuts.js";
 import { recordOf } from "./functions.js";
 import { rounded as roundedOrbit } from "./orbit.js";
 import { firstBackground } from "./theme.js";
@@ -47,6 +48,8 @@ export function firstSetting(facts) {
     colorMap: "",
     appearance: field ? field.names[0] : "",
     using: "",
+    clip: null,
+    slice: null,
   };
 }
 
@@ -83,7 +86,7 @@ export function messageOf(setting, facts) {
   }[setting.kind]();
   return {
     parameters: { ...setting.parameters }, visualization, color_map: functions ? setting.colorMap : "",
-    ...(setting.using && { using: setting.using }), ...(free && { function: recordOf(free) }),
+    ...(usedBy(setting) && { using: usedBy(setting) }), ...(free && { function: recordOf(free) }), ...cutOf(setting),
   };
 }
 

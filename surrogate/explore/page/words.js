@@ -1,6 +1,7 @@
 // Settings, and the errors to expect, in words.
 
 import { digitsOf } from "../web/elements.js";
+import { cutWords, usedBy } from "./cuts.js";
 import { pointsOf, variation } from "./state.js";
 
 export const KIND_NAMES = { base: "Volume", isovalue: "Isovalue", transfer_function: "Volume", field: "Field" };
@@ -19,7 +20,9 @@ export function described(setting, facts) {
     words.push(...moved.map(p => valued(p, setting.points[p.name])));
     if (setting.colorMap) words.push(setting.colorMap);
   }
-  if (setting.using) words.push(`by the ${facts.model.representations.find(one => one.name === setting.using).words}`);
+  words.push(...cutWords(setting, facts));
+  const using = usedBy(setting);
+  if (using) words.push(`by the ${facts.model.representations.find(one => one.name === using).words}`);
   return words.join(", ");
 }
 

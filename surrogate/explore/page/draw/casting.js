@@ -6,8 +6,8 @@ const ROUNDING = 2 ** -22; // of values: a smaller difference of two interpolate
 const MOST_DEPTH = 100; // where nothing passes
 
 /**
- * Premultiplied RGBA (H, W, 4) of `volume`: {values of which 0 to 1 is drawn, hidden, size, spacing, knots, unit, light},
- * by samples a world `distance` apart at most.
+ * Premultiplied RGBA (H, W, 4) of `volume`: {values of which 0 to 1 is drawn, hidden, size, low, high, spacing, knots, unit, light},
+ * from low to high (samples), by samples a world `distance` apart at most.
  */
 export function castVolume(volume, rays, distance) {
   const { values, size, unit, light, hidden } = volume, { width, height } = rays, picture = new Float32Array(4 * width * height);
@@ -56,10 +56,10 @@ export function castVolume(volume, rays, distance) {
 }
 
 /** Cut the ray of a pixel's middle in a volume into equal steps of a world length, into `cut`; false where it misses. */
-function enters({ size, spacing }, { eye, across, down, corner }, column, row, distance, cut) {
+function enters({ low, high, spacing }, { eye, across, down, corner }, column, row, distance, cut) {
   let enter = 0, leave = Infinity, squared = 0;
   for (let k = 0; k < 3; ++k) {
-    const d = across[k] * column + down[k] * row + corner[k] || 1e-200, first = -eye[k] / d, second = (size[k] - 1 - eye[k]) / d;
+    const d = across[k] * column + down[k] * row + corner[k] || 1e-200, first = (low[k] - eye[k]) / d, second = (high[k] - eye[k]) / d;
     enter = Math.max(enter, Math.min(first, second));
     leave = Math.min(leave, Math.max(first, second));
     squared += (d * spacing[k] / distance) ** 2;
@@ -68,9 +68,9 @@ function enters({ size, spacing }, { eye, across, down, corner }, column, row, d
   if (!(leave > enter)) return false;
   const length = (leave - enter) * Math.sqrt(squared), steps = Math.max(Math.ceil(length - SLACK), 1);
   for (let k = 0; k < 3; ++k) {
-    const d = cut.step[k], last = size[k] - 1;
-    cut.begin[k] = Math.min(Math.max(eye[k] + enter * d, 0), last);
-    cut.step[k] = (Math.min(Math.max(eye[k] + leave * d, 0), last) - cut.begin[k]) / steps;
+    const d = cut.step[k];
+    cut.begin[k] = Math.min(Math.max(eye[k] + enter * d, low[k]), high[k]);
+    cut.step[k] = (Math.min(Math.max(eye[k] + leave * d, low[k]), high[k]) - cut.begin[k]) / steps;
   }
   cut.steps = steps;
   cut.length = length / steps * distance;

@@ -53,6 +53,9 @@ export class Doubt {
   }
 }
 
+/** What to expect of a picture that is like none of training, and why. */
+export const never = why => said(NEVER, null, why);
+
 /** Words and numbers, and sentences of both. */
 function said(words, numbers, why = "") {
   const { psnr = null, low = null, high = null, share = null, source = "" } = numbers ?? {}, plain = x => x.toFixed(1);

@@ -54,9 +54,9 @@ export class FieldCards extends FieldScripts {
   }
 
   renderVolume(camera, apart) {
-    const { graphics, textures, volume } = this, { size, spacing, knots, unit, light, hidden } = volume, what = { holes: Boolean(hidden), shaded: Boolean(light) };
+    const { graphics, textures, volume } = this, { size, low, high, spacing, knots, unit, light, hidden } = volume, what = { holes: Boolean(hidden), shaded: Boolean(light) };
     const program = this.program(`volume ${JSON.stringify(what)}`, shaders.volume(what));
-    graphics.run(program, this.picture, { ...textures, ...raysOf(camera, volume), last: size.map(n => n - 1), spacing, apart, unit, light, knotCount: knots.length });
+    graphics.run(program, this.picture, { ...textures, ...raysOf(camera, volume), last: size.map(n => n - 1), low, high, spacing, apart, unit, light, knotCount: knots.length });
   }
 
   renderSurface(camera) {

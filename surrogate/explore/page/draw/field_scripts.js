@@ -2,6 +2,7 @@
 
 import { finer } from "draw/camera.js";
 import { castVolume } from "draw/casting.js";
+import { boundsOf, clipped, sliced } from "draw/cuts.js";
 import { continued, rangeOf } from "draw/field.js";
 import { cameraOf, drawnRange, drawnValues, fittingDistance, hiddenCells, knotsOf, raysOf, SAMPLES } from "draw/rays.js";
 import { averaged } from "draw/samples.js";
@@ -15,14 +16,23 @@ export class FieldScripts {
     this.kept = null; // the field of the last parameters
   }
 
-  /** Show the field at parameters by name, in the appearance of a visualization, or under another transfer function. */
-  set(parameters, visualization = {}, transfer = null) {
+  /** Show the field at parameters by name, in the appearance of a visualization, or under another transfer function; `cut` has a clip and a slice. */
+  set(parameters, visualization = {}, transfer = null, cut = {}) {
     const { fields } = this, { appearance, distance } = fields.appearance(visualization, transfer), key = JSON.stringify([appearance.number, parameters]);
     if (this.kept?.key !== key) this.kept = { key, field: fields.at(appearance.number, parameters) };
     const { field } = this.kept;
     this.appearance = appearance;
-    if (appearance.kind === "isosurface") this.useSurface(field, trianglesOf(field, appearance.isovalue, fields.record.cases));
-    else this.useVolume(volumeOf(field, appearance, fields.record.headlight), distance);
+    this.whole = appearance.kind === "isosurface" ? trianglesOf(field, appearance.isovalue, fields.record.cases) : null;
+    const shown = cut.slice ? sliced(appearance, field.spacing) : appearance;
+    if (!this.whole) this.useVolume(volumeOf(field, shown, fields.record.headlight), cut.slice ? Math.min(...field.spacing) : distance);
+    this.cutTo(cut);
+  }
+
+  /** Cut what is shown otherwise, with a slice if and only if there was one. */
+  cutTo(cut) {
+    const { whole, kept: { field } } = this, bounds = boundsOf(cut, field);
+    if (whole) this.useSurface(field, cut.clip ? clipped(whole, bounds) : whole);
+    else Object.assign(this.volume, bounds);
   }
 
   useVolume(volume, distance) {
@@ -54,6 +64,6 @@ function volumeOf(field, { transfer_function: transfer, shaded }, headlight) {
   const range = drawnRange(rangeOf(field), transfer);
   return {
     values: drawnValues(shaded ? continued(field) : field.values, range), hidden: field.holes && hiddenCells(field), size: field.size,
-    spacing: field.spacing, origin: field.origin, knots: knotsOf(transfer, range), unit: transfer.opacity_unit_distance, light: shaded ? headlight : null,
+    ...boundsOf({}, field), spacing: field.spacing, origin: field.origin, knots: knotsOf(transfer, range), unit: transfer.opacity_unit_distance, light: shaded ? headlight : null,
   };
 }

@@ -14,7 +14,7 @@ vec3 lit(vec4 light, vec3 color, float facing) {
  */
 export const volume = ({ holes, shaded }) => `${HEAD}
 uniform sampler3D field; uniform sampler2D knots; ${holes ? "uniform usampler3D hidden;" : ""}
-uniform vec3 last, eye, across, down, corner, spacing; uniform float apart, unit; uniform int knotCount; uniform vec4 light;
+uniform vec3 last, low, high, eye, across, down, corner, spacing; uniform float apart, unit; uniform int knotCount; uniform vec4 light;
 layout(location = 0) out vec4 pixel;
 ${LIT}
 vec3 cellOf(vec3 place) { return min(floor(place), last - 1.0); }
@@ -33,28 +33,28 @@ void main() {
   pixel = vec4(0.0);
   vec3 ray = across * gl_FragCoord.x + down * gl_FragCoord.y + corner;
   for (int k = 0; k < 3; ++k) if (abs(ray[k]) < 1e-30) ray[k] = 1e-30;
-  vec3 first = -eye / ray, second = (last - eye) / ray, near = min(first, second), far = max(first, second);
+  vec3 first = (low - eye) / ray, second = (high - eye) / ray, near = min(first, second), far = max(first, second);
   float enter = max(max(near.x, near.y), max(near.z, 0.0)), leave = min(min(far.x, far.y), far.z);
   if (!(leave > enter)) return;
   float whole = (leave - enter) * length(ray * spacing) / apart, steps = max(ceil(whole - ${SLACK}), 1.0), units = whole / steps * apart / unit;
-  vec3 begin = clamp(eye + enter * ray, vec3(0.0), last), move = (clamp(eye + leave * ray, vec3(0.0), last) - begin) / steps;
+  vec3 begin = clamp(eye + enter * ray, low, high), move = (clamp(eye + leave * ray, low, high) - begin) / steps;
   vec3 color = vec3(0.0); float through = 1.0;
   for (int k = 0; float(k) < steps && through >= float(${OPAQUE}); ++k) {
     vec3 place = begin + (float(k) + 0.5) * move;
     ${holes ? "if (texelFetch(hidden, ivec3(cellOf(place)), 0).x != 0u) continue;" : ""}
     float value = clamp(trilinear(place), 0.0, 1.0);
-    int low = 0, high = knotCount - 1;
-    while (high - low > 1) {
-      int middle = (low + high) / 2;
-      if (value >= texelFetch(knots, ivec2(middle, 0), 0).x) low = middle; else high = middle;
+    int left = 0, right = knotCount - 1;
+    while (right - left > 1) {
+      int middle = (left + right) / 2;
+      if (value >= texelFetch(knots, ivec2(middle, 0), 0).x) left = middle; else right = middle;
     }
-    vec4 before = texelFetch(knots, ivec2(low, 0), 0), after = texelFetch(knots, ivec2(high, 0), 0);
+    vec4 before = texelFetch(knots, ivec2(left, 0), 0), after = texelFetch(knots, ivec2(right, 0), 0);
     float share = (value - before.x) / (after.x - before.x), opacity = before.y + share * (after.y - before.y);
     if (!(opacity > 0.0)) continue;
     float depth = (opacity < 1.0 ? -log(1.0 - opacity) : 100.0) * units;
     float alpha = depth < 0.01 ? depth * (1.0 - depth * (0.5 - depth / 6.0)) : 1.0 - exp(-depth);
-    vec4 from = texelFetch(knots, ivec2(low, 1), 0);
-    vec3 straight = mix(from, texelFetch(knots, ivec2(high, 1), 0), share).rgb;
+    vec4 from = texelFetch(knots, ivec2(left, 1), 0);
+    vec3 straight = mix(from, texelFetch(knots, ivec2(right, 1), 0), share).rgb;
     ${shaded ? `
     vec3 slopes = vec3(slope(place, vec3(1, 0, 0)), slope(place, vec3(0, 1, 0)), slope(place, vec3(0, 0, 1))) / spacing;
     float largest = max(abs(slopes.x), max(abs(slopes.y), abs(slopes.z)));

@@ -2,7 +2,7 @@
 // The page holds the surrogate: {facts, record, megabytes, best, expected} and its tensors, compressed.
 
 import { answered, cameraOf } from "draw/answers.js";
-import { Doubt } from "draw/doubt.js";
+import { Doubt, never } from "draw/doubt.js";
 import { Graphics } from "draw/graphics.js";
 import { modelOf } from "draw/model.js";
 import { normalized } from "draw/parameters.js";
@@ -106,6 +106,7 @@ export async function exported(request) {
 
 /** What to expect of a picture; what the run measured on average where it holds no more. */
 function expectation(setting, camera) {
+  if (setting.clip || setting.slice) return never("no stored image is cut or sliced");
   if (!doubt) return { psnr: null, short: given.expected.sentence, sentence: given.expected.sentence, warning: false };
   const { parameters, visualization, color_map: map, function: free } = setting, base = model.record.field?.base ?? model.record.emulation?.base.transfer_function;
   const changed = map || free || Object.keys(visualization).length > 0, isFunction = changed && !("isovalue" in visualization || "appearance" in visualization);

@@ -46,19 +46,21 @@ export class Ways {
   }
 
   /** The representation that validation prefers for a setting, held here or not. */
-  preferred({ visualization, color_map: map, function: free }) {
-    return this.best[questionOf(visualization, map || free)];
+  preferred({ visualization, color_map: map, function: free, clip, slice }) {
+    return clip || slice ? FIELD : this.best[questionOf(visualization, map || free)];
   }
 
   /** True where a setting can be drawn here by a representation. */
-  draws(kind, { visualization, color_map: map, function: free }) {
-    return this.kinds.includes(kind) && (kind === FIELD || follows(this.model, visualization, map || free));
+  draws(kind, { visualization, color_map: map, function: free, clip, slice }) {
+    return this.kinds.includes(kind) && (kind === FIELD || !clip && !slice && follows(this.model, visualization, map || free));
   }
 
   /** What draws a setting: [kind, device]. */
   of(setting) {
     const [kind, device] = setting.using ? setting.using.split("-") : [this.preferred(setting), this.device];
-    return [[kind, ...this.kinds].find(one => this.draws(one, setting)) ?? this.kinds[0], this.graphics ? device : SCRIPTS];
+    const drawn = (setting.clip || setting.slice ? [kind] : [kind, ...this.kinds]).find(one => this.draws(one, setting));
+    if (!drawn && (setting.clip || setting.slice)) throw new Error("only the emulated field can be cut or sliced: choose it, where this page has one");
+    return [drawn ?? this.kinds[0], this.graphics ? device : SCRIPTS];
   }
 
   wordsOf(setting) {
@@ -86,19 +88,20 @@ export class Ways {
 
   /** The engine that shows a setting: what it shows already is not computed anew. */
   shown(setting, kind, device) {
-    const { model, maps, graphics } = this, { parameters, visualization, color_map: map, function: free } = setting;
+    const { model, maps, graphics } = this, { parameters, visualization, color_map: map, function: free, clip, slice } = setting, cut = JSON.stringify([clip, slice]);
     const isField = kind === FIELD, of = isField ? model.fields : figureFor(model, visualization, map || free), onCard = device === CARD;
     const engine = this.engine(of, device, isField ? () => onCard ? new FieldCards(of, graphics) : new FieldScripts(of)
       : () => onCard ? new Cards(of, graphics) : new Scripts(of));
-    const values = { ...parameters, ...visualization }, point = JSON.stringify(values), look = JSON.stringify([visualization, map, free]);
+    const values = { ...parameters, ...visualization }, point = JSON.stringify(values), look = JSON.stringify([visualization, map, free, Boolean(slice)]);
     const isNew = engine.look !== look;
     if (isField) {
-      if (engine.point !== point || isNew) engine.set(parameters, visualization, transferred(of, setting, maps[map]));
+      if (engine.point !== point || isNew) engine.set(parameters, visualization, transferred(of, setting, maps[map]), { clip, slice });
+      else if (engine.cut !== cut) engine.cutTo({ clip, slice });
     } else {
       if (isNew && of.base) engine.setFunction(transferOf({ ...of.base, ...free }, visualization, maps[map]));
       if (engine.point !== point || isNew && of.made) engine.setParameters(values);
     }
-    return Object.assign(engine, { point, look });
+    return Object.assign(engine, { point, look, cut });
   }
 
   engine(of, device, make) {
