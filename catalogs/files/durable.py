@@ -24,7 +24,7 @@ import socket
 import stat
 import tempfile
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import BinaryIO, NamedTuple
@@ -240,6 +240,20 @@ def commit_folder(partial: Path, target: Path) -> None:
     sync_tree(partial)
     rename(partial, target)
     sync(target.parent)
+
+
+def write_folder(target: Path, files: Mapping[str, bytes]) -> None:
+    """Make the folder `target` of files by their paths in it, durably: all of it or nothing."""
+    partial = partial_name(target)
+    try:
+        for name, data in files.items():
+            path = partial / name
+            path.parent.mkdir(parents=True, exist_ok=True)
+            write(path, data)
+        commit_folder(partial, target)
+    except BaseException:
+        shutil.rmtree(partial, ignore_errors=True)
+        raise
 
 
 def partial_name(path: Path) -> Path:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +20,7 @@ from surrogate.explore.exporting.kinds import (
     REFIT_STEPS,
     ROW_STEPS,
     SHEET_STEPS,
+    SITE,
 )
 
 PARAMETERS = click.option(
@@ -109,17 +111,17 @@ SIZE = click.option(
     "--output",
     required=True,
     type=click.Path(path_type=Path),
-    help="FILE.png, .exr, .html, .glb, .ply, .spz or .vti; a folder names a picture.",
+    help="FILE.png, .exr, .html, .glb, .ply, .spz or .vti; a folder names a picture; FOLDER.site is a page for a web host.",
 )
 def export(run: Path, output: Path, **options: Any) -> None:
     """Write what the surrogate in RUN (such as runs/tgv) shows: a picture, its Gaussians, or its emulated fields as VTI.
 
     PNG has 8 bits and straight alpha, EXR 32 and premultiplied alpha; both keep how they were made, and what error to expect, if
     the explorer has measured it.  Gaussians for other viewers are glTF (KHR_gaussian_splatting), PLY or SPZ.  HTML is the explorer
-    in one file, which a browser opens and draws without a program.  VTI, which ParaView opens, has the fields' units and standard
-    deviations.
+    in one file, which a browser opens and draws without a program; a folder FOLDER.site is the same for a web host.  VTI, which
+    ParaView opens, has the fields' units and standard deviations.
     """
-    _write(run, output, ("png", "exr", "html", *GAUSSIAN_KINDS, "vti"), options)
+    _write(run, output, ("png", "exr", "html", SITE, *GAUSSIAN_KINDS, "vti"), options)
 
 
 @click.command()
@@ -160,8 +162,9 @@ def sweep(run: Path, output: Path, **options: Any) -> None:
 def _write(folder: Path, output: Path, kinds: Sequence[str], options: Mapping[str, Any]) -> None:
     """Write what the options ask for, and say what it is."""
     with one_line_errors():
-        endings = {f".{KINDS[kind][0]}": kind for kind in kinds}
-        is_folder = output.is_dir() or (not output.suffix and not output.exists())
+        endings = {f".{SITE if kind == SITE else KINDS[kind][0]}": kind for kind in kinds}
+        is_site = SITE in kinds and output.suffix.lower() == f".{SITE}"
+        is_folder = not is_site and (output.is_dir() or (not output.suffix and not output.exists()))
         kind = kinds[0] if is_folder else endings.get(output.suffix.lower())
         if kind is None:
             raise ValueError(f"the file must end with one of {', '.join(endings)}, got {output.name}")
@@ -169,10 +172,12 @@ def _write(folder: Path, output: Path, kinds: Sequence[str], options: Mapping[st
             raise ValueError(
                 f"-a names fields of a .vti file, got {output.name}: -p appearance=NAME draws another appearance"
             )
-        if options.get("field_modes") is not None and kind != "html":
-            raise ValueError(f"--field-modes is of a page, a .html file, got {output.name}")
+        if options.get("field_modes") is not None and kind not in ("html", SITE):
+            raise ValueError(f"--field-modes is of a page, a .html file or a .site, got {output.name}")
         if options.get("compare") and kind != "png":
             raise ValueError(f"a comparison is a PNG, got {output.name}")
+        if is_site and output.exists():
+            raise ValueError(f"{output} exists: remove it first, or name another folder")
         if not output.parent.is_dir():
             raise ValueError(f"{output.parent} is not a folder: make it first")
         from catalogs.files import durable
@@ -182,7 +187,7 @@ def _write(folder: Path, output: Path, kinds: Sequence[str], options: Mapping[st
         from surrogate.explore.run import Run
 
         run = Run.open(folder)
-        request = from_options(options, kind, run)
+        request: Any = from_options(options, kind, run)
         doubt = None if run.catalog is None else Doubt.stored(run.surrogate, run.catalog, run.folder)
         durable.make_folder(output.parent)
         durable.require_writable(output.parent)
@@ -190,13 +195,19 @@ def _write(folder: Path, output: Path, kinds: Sequence[str], options: Mapping[st
             click.echo(sentence, err=True)
         with ProgressLine() as line:
             stage = "fitting" if kind in GAUSSIAN_KINDS else "drawing"
-            content = request.content(run, lambda *counts: line.count(stage, *counts) if counts else None, doubt)
+            progress = partial(_count, line, stage)
+            content = request.files(run, progress, doubt) if is_site else request.content(run, progress, doubt)
         if is_folder:
             output.mkdir(exist_ok=True)
             output /= f"{file_name(run, request)}.{KINDS[kind][0]}"
-        durable.replace(output, content)
-        size = f", {len(content) / 1e6:.1f} MB" if kind == "html" else ""
-        click.echo(f"{output}: {request.summary(run)}{size}")
+        (durable.write_folder if is_site else durable.replace)(output, content)
+        size = sum(map(len, content.values() if is_site else [content])) / 1e6
+        click.echo(f"{output}: {request.summary(run)}" + (f", {size:.1f} MB" if kind in ("html", SITE) else ""))
         expected = request.expected(run, doubt) if hasattr(request, "expected") else None
         if expected is not None:
             click.echo(expected.sentence)
+
+
+def _count(line: ProgressLine, stage: str, *counts: Any) -> None:
+    if counts:  # of nothing before a picture of a film
+        line.count(stage, *counts)

@@ -29,7 +29,7 @@ from surrogate.explore.exporting.journeys import JourneyRequest, journey_of
 from surrogate.explore.exporting.kinds import FILM_STEPS, FRAMES_PER_SECOND, GAUSSIAN_KINDS, KINDS
 from surrogate.explore.exporting.marks import all_annotated, annotated, annotations_of
 from surrogate.explore.exporting.naming import file_name
-from surrogate.explore.exporting.page import page_bytes, page_contents
+from surrogate.explore.exporting.page import page_bytes, page_contents, page_files
 from surrogate.explore.exporting.pictures import encode, record_for
 from surrogate.explore.exporting.ply import ply_bytes
 from surrogate.explore.exporting.refit import refitted
@@ -114,16 +114,23 @@ class GaussiansRequest:
 
 @dataclass(frozen=True, eq=False)
 class PageRequest:
-    """The explorer as one file, drawn by the browser; see `page_bytes`, which also knows the number of `modes`."""
+    """The explorer, drawn by the browser; see `page_bytes` and `page_files`, which also know the number of `modes`."""
 
     setting: Setting
     modes: int | None = None
 
     def content(self, run: Run, progress: Progress, doubt: Doubt | None = None) -> bytes:
+        return page_bytes(run, self._expected(run, progress, doubt), self.modes)
+
+    def files(self, run: Run, progress: Progress, doubt: Doubt | None = None) -> dict[str, bytes]:
+        """The same as files by their paths in a folder."""
+        return page_files(run, self._expected(run, progress, doubt), self.modes)
+
+    def _expected(self, run: Run, progress: Progress, doubt: Doubt | None) -> Expectations:
         def measured(stage: str, done: int, total: int) -> None:
             progress(done, total)
 
-        return page_bytes(run, Expectations.of(run, doubt, measured), self.modes)
+        return Expectations.of(run, doubt, measured)
 
     def summary(self, run: Run) -> str:
         return f"a page of {page_contents(run, self.modes)}, which opens in a browser without a program"

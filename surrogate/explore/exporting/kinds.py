@@ -19,6 +19,7 @@ KINDS = {  # the ending of a file and its media type, by the kind of export
     "gif": ("gif", "image/gif"),
     "mp4": ("mp4", "video/mp4"),
 }
+SITE = "site"  # the ending of a folder for a web host
 GAUSSIAN_KINDS = ("ply", "glb", "spz")
 REFIT_STEPS = 3000  # by which Gaussians are fitted for other viewers
 SHEET_STEPS, ROW_STEPS = 8, 5  # pictures of a strip; rows of a grid, and its columns

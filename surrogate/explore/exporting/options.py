@@ -27,7 +27,7 @@ from surrogate.explore.exporting.exports import (
     PictureRequest,
     SheetRequest,
 )
-from surrogate.explore.exporting.kinds import FILM_STEPS, GAUSSIAN_KINDS, ROW_STEPS, SHEET_STEPS
+from surrogate.explore.exporting.kinds import FILM_STEPS, GAUSSIAN_KINDS, ROW_STEPS, SHEET_STEPS, SITE
 from surrogate.explore.exporting.sweep import Axis, Sweep, axis_of, parameters_of
 from surrogate.explore.functions import function_of, record_of_function
 from surrogate.explore.request import Color, setting_of
@@ -52,7 +52,7 @@ def from_options(options: Mapping[str, Any], kind: Any, run: Run) -> CommandRequ
     like, camera, like_background, parts = _read_state(run, options["like"]) if options.get("like") else nothing
     if options.get("annotate"):
         parts = PARTS
-        if kind in ("ply", "html", "vti"):
+        if kind in ("ply", "html", SITE, "vti"):
             raise ValueError(f"--annotate writes into pictures and films, not into .{kind} files")
     elif kind == "exr":
         parts = ()
@@ -63,7 +63,7 @@ def from_options(options: Mapping[str, Any], kind: Any, run: Run) -> CommandRequ
     setting = _setting(run, options["parameters"], options["color_map"], like, options["using"], function, cut)
     if kind in GAUSSIAN_KINDS:
         return GaussiansRequest(setting, kind, options["refit"])
-    if kind == "html":
+    if kind in ("html", SITE):
         modes = options["field_modes"]
         if modes is not None and modes < 0:
             raise ValueError(f"--field-modes must be 0 or more, got {modes}")

@@ -1,8 +1,8 @@
-"""The explorer as one file that needs no program: its page, the scripts that draw, and the surrogate.
+"""The explorer without a program: its page, the scripts that draw, and the surrogate, in one file or in a folder for a web host.
 
-Modules are compressed.  The page makes `data:` addresses of them, for an import map of names such as "draw/cards.js".  Nothing else
-may run: the content security policy holds the digests of this map and of the script that makes it.  The model is data, as it is
-stored.
+In the one file modules are compressed.  The page makes `data:` addresses of them, for an import map of names such as
+"draw/cards.js".  Nothing else may run: the content security policy holds the digests of this map and of the script that makes it.
+In a folder they are files, of which the policy allows those of its host.  The model is data, as it is stored.
 """
 
 from __future__ import annotations
@@ -45,40 +45,63 @@ TEMPLATE = """<!doctype html>
 <meta name="generator" content="gs-surrogate">
 <title>{title}</title>
 <link rel="icon" href="data:,">
-<style>{styles}</style>
-<script type="text/plain" id="surrogate">{given}</script>
-<script type="text/plain" id="tensors">{tensors}</script>
-<script type="text/plain" id="field">{field}</script>
-<script type="text/plain" id="modules">{modules}</script>
+{head}
 </head>
-<body><script>{entry}</script></body>
+<body>{body}</body>
 </html>
 """
+LOADING = "<p>Loading… Browsers open this page from a web server only, such as <code>python -m http.server</code>.</p>"
+POLICY = "default-src 'none'; img-src data: blob:; base-uri 'none'; form-action 'none'"
+DATA = ("surrogate", "tensors", "field")  # elements that hold the model, or say which file does
+FILES = dict(zip(DATA, ("surrogate.json", "model.safetensors", "field.safetensors"), strict=True))
+ROOMS = json.dumps({"imports": {f"{room}/": f"./{room}/" for room in ("draw", "explore", "web")}})
 
 
 def page_bytes(run: Run, expected: Expectations | None = None, modes: int | None = None) -> bytes:
     """The page of a run, as HTML, which says what error to expect where that is measured; see `PageModel.of`."""
-    model = PageModel.of(run, modes)
-    expectations = expected or Expectations(why=average(run.surrogate, model.content["megabytes"]))
-    content = model.content | {"expected": expectations.to_json()}
-    modules = _modules()
+    modules, styles = _modules(), _styles()
     imports = {name: f"data:text/javascript;base64,{_base64(text.encode())}" for name, text in modules.items()}
     map_of_them = json.dumps({"imports": imports}, separators=(",", ":"))  # as `JSON.stringify` writes it
-    policy = (
-        f"default-src 'none'; script-src {_digest(map_of_them)} {_digest(ENTRY)} data:; style-src 'unsafe-inline'; "
-        "img-src data: blob:; base-uri 'none'; form-action 'none'"
-    )
-    styles = "".join(part.read_text(encoding="utf-8") for part in (ASSETS / "look.css", PAGE / "explore.css"))
-    return TEMPLATE.format(
-        policy=policy,
-        title=html.escape(f"{run.title} · gs-surrogate"),
-        styles=styles,
-        given=_packed(json.dumps(content).encode()),
-        tensors=_packed(model.tensors),
-        field=_packed(model.field),
-        modules=_packed(json.dumps(modules).encode()),
-        entry=ENTRY,
-    ).encode()
+    # `data:` is for the modules, which a file has no other addresses for; `ENTRY` and the map are the only scripts that import any.
+    scripts = f"script-src {_digest(map_of_them)} {_digest(ENTRY)} data:"
+    packed = {**_data(run, expected, modes), "modules": json.dumps(modules).encode()}
+    elements = [f'<script type="text/plain" id="{name}">{_packed(data)}</script>' for name, data in packed.items()]
+    head, body = "\n".join([f"<style>{styles}</style>", *elements]), f"<script>{ENTRY}</script>"
+    return _html(run, f"{scripts}; style-src {_digest(styles)}", head, body)
+
+
+def page_files(run: Run, expected: Expectations | None = None, modes: int | None = None) -> dict[str, bytes]:
+    """The same page as files by their paths, for a folder on a web host: index.html, its modules, and the model as binary files."""
+    data = {FILES[name]: part for name, part in _data(run, expected, modes).items() if part}
+    elements = [f'<script type="text/plain" id="{i}" data-file="{file}"></script>' for i, file in FILES.items()]
+    elements = [one for one, file in zip(elements, FILES.values(), strict=True) if file in data]
+    head = [
+        '<link rel="stylesheet" href="explore/page.css">',
+        *elements,
+        f'<script type="importmap">{ROOMS}</script>',
+        '<script type="module" src="explore/explore.js"></script>',
+    ]
+    policy = f"script-src 'self' {_digest(ROOMS)}; style-src 'self'; connect-src 'self'"
+    modules = {name: text.encode() for name, text in _modules().items()}
+    page = {"index.html": _html(run, policy, "\n".join(head), LOADING), "explore/page.css": _styles().encode()}
+    return {**page, **modules, **data}
+
+
+def _data(run: Run, expected: Expectations | None, modes: int | None) -> dict[str, bytes]:
+    """The surrogate, by the names of `DATA`; empty for what it does not have."""
+    model = PageModel.of(run, modes)
+    expectations = expected or Expectations(why=average(run.surrogate, model.content["megabytes"]))
+    content = json.dumps(model.content | {"expected": expectations.to_json()}).encode()
+    return dict(zip(DATA, (content, model.tensors, model.field), strict=True))
+
+
+def _html(run: Run, policy: str, head: str, body: str) -> bytes:
+    title = html.escape(f"{run.title} · gs-surrogate")
+    return TEMPLATE.format(policy=f"{POLICY}; {policy}", title=title, head=head, body=body).encode()
+
+
+def _styles() -> str:
+    return "".join(part.read_text(encoding="utf-8") for part in (ASSETS / "look.css", PAGE / "explore.css"))
 
 
 def page_contents(run: Run, modes: int | None = None) -> str:

@@ -212,3 +212,12 @@ def test_a_tilde_makes_no_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     durable.make_folder(Path(path))
     assert (tmp_path / path).is_dir()
     durable.make_folder(Path("a~b"))
+
+
+def test_a_folder_of_files_is_written_whole_or_not_at_all(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    durable.write_folder(tmp_path / "site", {"index.html": b"1", "draw/a.js": b"2"})
+    assert (tmp_path / "site/draw/a.js").read_bytes() == b"2"
+    monkeypatch.setattr(durable, "sync_tree", lambda folder: (_ for _ in ()).throw(OSError("full")))
+    with pytest.raises(OSError, match="full"):
+        durable.write_folder(tmp_path / "other", {"index.html": b"1"})
+    assert [path.name for path in tmp_path.iterdir()] == ["site"]

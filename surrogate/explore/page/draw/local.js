@@ -1,5 +1,5 @@
 // The explorer's program inside the page: the same calls as connection.js makes, answered by the browser itself.
-// The page holds the surrogate: {facts, record, megabytes, best, expected} and its tensors, compressed.
+// The page holds the surrogate, {facts, record, megabytes, best, expected} and its tensors, compressed, or names their files.
 
 import { answered, cameraOf } from "draw/answers.js";
 import { Doubt, never } from "draw/doubt.js";
@@ -32,13 +32,21 @@ function graphicsOf() {
   }
 }
 
-/** The bytes of an element that holds base64 of gzip; null where it is empty. */
+/** The bytes of an element that holds base64 of gzip, or names a file beside the page; null without. */
 async function unpacked(id) {
-  const text = document.getElementById(id).textContent.trim();
+  const holder = document.getElementById(id), file = holder?.dataset.file, text = holder?.textContent.trim();
+  if (file) return fetched(file);
   if (!text) return null;
   const packed = Uint8Array.fromBase64?.(text) ?? Uint8Array.from(atob(text), character => character.charCodeAt(0));
   const stream = new Blob([packed]).stream().pipeThrough(new DecompressionStream("gzip"));
   return new Uint8Array(await new Response(stream).arrayBuffer());
+}
+
+async function fetched(file) {
+  const response = await fetch(file).catch(() => null);
+  if (response?.ok) return new Uint8Array(await response.arrayBuffer());
+  document.body.textContent = `This page can't be shown, for its host does not send ${file}.`;
+  throw new Error(document.body.textContent);
 }
 
 export class Gone extends Error {}

@@ -212,7 +212,7 @@ def test_extrapolation_is_reported(run: Path, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("command", "arguments", "complaint"),
     [
-        (export, ("-o", "a.tiff"), "must end with one of .png, .exr, .html, .ply, .glb, .spz, .vti, got a.tiff"),
+        (export, ("-o", "a.tiff"), "must end with one of .png, .exr, .html, .site, .ply, .glb, .spz, .vti, got a.tiff"),
         (export, ("-o", "a.vti"), "this surrogate knows no field values: its catalog keeps no coarse fields"),
         (export, ("-a", "dvr", "-o", "a.png"), "-a names fields of a .vti file, got a.png"),
         (export, ("-o", "absent/a.png"), "absent is not a folder: make it first"),

@@ -38,7 +38,10 @@ def test_modes_are_counted_and_weighed(run: Path) -> None:
     [
         (("--field-modes", -1), "--field-modes must be 0 or more, got -1"),
         (("--field-modes", 0), "hold neither: explore the run"),
-        (("--field-modes", 2, "-o", "picture.png"), "--field-modes is of a page, a .html file, got picture.png"),
+        (
+            ("--field-modes", 2, "-o", "picture.png"),
+            "--field-modes is of a page, a .html file or a .site, got picture.png",
+        ),
     ],
 )
 def test_what_makes_no_page_is_said(run: Path, options: tuple[Any, ...], words: str) -> None:

@@ -58,8 +58,9 @@ def test_the_page_and_the_program_place_marks_alike(page: Page, explorer: str, r
 
 
 LINES = """async cases => {
-  const { annotationsOf } = await import("/explore/annotations.js"), { camera } = window.explorer.request(false);
-  const marks = (words, size) => annotationsOf({ camera, size, words, title: "a run", shown: ["title"] });
+  const { annotationsOf, scaleOf } = await import("/explore/annotations.js"), { camera } = window.explorer.request(false);
+  const marks = (words, size) =>
+    annotationsOf({ camera, size, words, title: "a run", shown: ["title"], scale: scaleOf(size) });
   return cases.map(([words, size]) => marks(words, size).map(mark => [mark[1][1], mark[4]]));
 }"""
 

@@ -79,10 +79,10 @@ def test_the_ends_of_a_sweep_are_typed_in_the_same_way(page: Page, explorer: str
     assert_shown(page, surrogate, 2)
     shown = [s["visualization"]["c2_opacity"] for s in request_of(page)["settings"]]
     assert shown == pytest.approx([-0.3, -0.05, 0.2])
-    assert "c2 opacity 0.7" in page.locator("#stage figcaption").nth(2).inner_text()
+    assert "c2_opacity = 0.7" in page.locator("#stage figcaption").nth(2).inner_text()
     page.locator("#sweep-high").fill("0.1")
     page.keyboard.press("Enter")
-    assert "0.1 can't be drawn: c2 opacity goes from 0.2" in page.locator(".refused:visible").inner_text()
+    assert "0.1 can't be drawn: c2_opacity goes from 0.2" in page.locator(".refused:visible").inner_text()
     assert page.locator("#sweep-high").input_value() == "0.7"
 
 
