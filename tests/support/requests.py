@@ -53,6 +53,39 @@ WRONG: list[tuple[dict[str, Any], str]] = [
         {"settings": [{"parameters": {"p": 0.5}, "visualization": {"c1_value": 0.75, "c2_value": -0.75}}]},
         "strictly increasing",
     ),
+    *(
+        ({"settings": [{"parameters": {"p": 0.5}, "clip": clip}]}, said)
+        for clip, said in [
+            ([0, 0, 0, 1, 1, 1], "only an emulated field can be cut or sliced"),
+            ([0, 0, 0, 1, 1], "must be 6 numbers"),
+            ([0, 0, 0, 1, 1, math.nan], "clip, both corners in a row,"),
+            ([0, 0, 0, 1, 1, math.inf], "clip, both corners in a row,"),
+            ([0, 0, 0, 1, 1, 10**400], "clip, both corners in a row,"),
+            ([0, 0, 0, 1, 1, "1"], "clip, both corners in a row,"),
+            ([0, 0, 0, 1, 1, True], "clip, both corners in a row,"),
+            ([0, 0, 1, 1, 1, 0.5], "a box goes from a place to a higher one"),
+            ([0] * 100_000, "clip must be a short list"),
+            ("0,0,0,1,1,1", "clip must be a short list"),
+            ({"low": 0}, "clip must be a short list"),
+            ([[0, 0, 0], [1, 1, 1]], "must be 6 numbers"),
+            (0, "clip must be a short list"),
+        ]
+    ),
+    *(
+        ({"settings": [{"parameters": {"p": 0.5}, "slice": plane}]}, said)
+        for plane, said in [
+            (["x", 0.5], "only an emulated field can be cut or sliced"),
+            (["w", 0.5], "slice must be x, y or z and a place"),
+            (["xy", 0.5], "slice must be x, y or z and a place"),
+            ([["x"], 0.5], "slice must be x, y or z and a place"),
+            ([{}, 0.5], "slice must be x, y or z and a place"),
+            (["x"], "slice must be x, y or z and a place"),
+            (["x", math.nan], "slice"),
+            (["x", "0.5"], "slice"),
+            ("x=0.5", "slice must be a short list"),
+            (False, "slice must be a short list"),
+        ]
+    ),
     ({"camera": None}, "camera must be an object"),
     ({"camera": {**CAMERA, "position": [1, 2]}}, "camera.position must be a list of 3"),
     ({"camera": {**CAMERA, "position": [1, 2, math.nan]}}, "camera.position must be finite"),
