@@ -16,6 +16,7 @@ from surrogate.emulation import EmulatedField
 from surrogate.emulation.corners import Corners
 from surrogate.emulation.validation import NORMAL
 from surrogate.model.emulated_member import EmulatedMember
+from surrogate.ray_casting import Cut
 
 Array = NDArray[np.float64]
 
@@ -27,14 +28,17 @@ MOST_SAMPLES = 1 << 14  # along a ray
 def seen_place(member: EmulatedMember, camera: Camera, pixel: Sequence[float]) -> Array | None:
     """The place (3,) in world units that is seen at `pixel` (right, down), counted from the picture's left top corner.
 
-    In a volume half of the ray's opacity lies before it.  An isosurface is seen where the ray first meets it.  None where
-    nothing is seen.
+    In a volume half of the ray's opacity lies before it.  An isosurface is seen where the ray first meets it, a slice where the
+    ray meets it, and of a cut what lies inside.  None where nothing is seen.
     """
     field = member.field()
     eye, direction = _ray(camera, pixel)
-    enter, leave = _cut(field, eye, direction)
+    enter, leave = _ends(member, eye, direction)
     if not leave > enter:
         return None
+    if member.cut is not None and member.cut.plane is not None:
+        place = eye + (enter + leave) / 2.0 * direction
+        return None if np.isnan(_values(field, place[None])).any() else place
     count = min(math.ceil(FINENESS * (leave - enter) / min(field.spacing)) + 1, MOST_SAMPLES)
     ends = np.linspace(enter, leave, count + 1)
     if isinstance(member.appearance, Isosurface):
@@ -70,10 +74,10 @@ def _ray(camera: Camera, pixel: Sequence[float]) -> tuple[Array, Array]:
     return np.asarray(eye, np.float64).reshape(3), directions[0, 0]
 
 
-def _cut(field: EmulatedField, eye: Array, direction: Array) -> tuple[float, float]:
-    """The distances from the eye at which a ray enters and leaves the field's box."""
-    low = np.array(field.origin)
-    high = low + np.array(field.spacing) * (np.array(field.values.shape[::-1]) - 1)
+def _ends(member: EmulatedMember, eye: Array, direction: Array) -> tuple[float, float]:
+    """The distances from the eye at which a ray enters and leaves what is drawn of the field."""
+    field = member.samples
+    low, high = field.origin + (member.cut or Cut()).bounds(field) * field.spacing
     along = np.where(direction == 0.0, 1e-200, direction)
     ends = np.stack([(low - eye) / along, (high - eye) / along])
     return max(0.0, float(ends.min(0).max())), float(ends.max(0).min())

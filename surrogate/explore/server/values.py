@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any
 
@@ -60,6 +60,8 @@ class Values:
         field = self.run.surrogate.field
         if field is None:
             raise ValueError(NO_FIELD)
+        if setting.cut is not None:
+            return self.member(replace(setting, cut=None)).cut_to(setting.cut)
         if setting.is_free:
             return field.member(field.point(setting.parameters, "allow", setting.transfer_function(self.run.surrogate)))
         return field.member(field.point(setting.values, "allow"))

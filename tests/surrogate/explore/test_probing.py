@@ -75,6 +75,16 @@ def test_nothing_is_seen(function: TransferFunction, pixel: tuple[float, float])
     assert seen_place(member(VolumeRendering("f", function)), along_x(), pixel) is None
 
 
+def test_of_a_cut_what_is_left_is_seen() -> None:
+    shown, camera, front = member(VolumeRendering("wall", WALL)), along_x(), MIDDLE[0] + 0.7
+    place = seen_place(shown.within((front, -9.0, -9.0), (9.0, 9.0, 9.0)), camera, (20.0, 15.0))
+    assert place == pytest.approx([front, *MIDDLE[1:]], abs=0.1)
+    assert seen_place(shown.within(MIDDLE - 9.0, MIDDLE - 0.1), camera, (20.0, 15.0)) is None
+    sliced = seen_place(shown.slice("x", front - 1.0), camera, (20.0, 15.0))  # where the wall is clear
+    assert sliced == pytest.approx([front - 1.0, *MIDDLE[1:]], abs=0.01)
+    assert seen_place(shown.slice("x", 99.0), camera, (20.0, 15.0)) is None
+
+
 def test_what_lies_in_holes_is_not_seen() -> None:
     holes = np.zeros(SHAPE, bool)
     holes[..., 2:4] = True

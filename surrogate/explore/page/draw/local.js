@@ -77,7 +77,7 @@ export async function probed(request, pixel, pins) {
     const value = valueAt(field, place);
     return value === null ? null : { value, deviation: null, half: null };
   };
-  const place = pixel && seenPlace(field, appearance, cameraOf(request), pixel);
+  const place = pixel && seenPlace(field, appearance, cameraOf(request), pixel, request.settings[0]);
   return { seen: place && { place, value: null, ...found(place) }, pins: pins.map(found), ...given.quantities[appearance.number] };
 }
 

@@ -1,22 +1,24 @@
 // What is seen at a pixel, and the field's value there; see surrogate/explore/probing.py.
 
+import { boundsOf } from "draw/cuts.js";
 import { interpolated } from "draw/nodes.js";
 import { raysOf } from "draw/rays.js";
 
 const FAINT = 0.02, FINENESS = 4, MOST_SAMPLES = 1 << 14, MOST_OPAQUE = 1 - 1e-12, BINS = 64;
 
-/** The place in the world that is seen at a pixel (right, down) of a camera's picture; null where nothing is. */
-export function seenPlace(field, appearance, camera, [right, down]) {
-  const { size, spacing, origin } = field, rays = raysOf(camera, field);
+/** The place in the world that is seen at a pixel (right, down) of a camera's picture, cut by a clip and a slice; null where nothing is. */
+export function seenPlace(field, appearance, camera, [right, down], cut = {}) {
+  const { spacing, origin } = field, { low, high } = boundsOf(cut, field), rays = raysOf(camera, field);
   const ray = [0, 1, 2].map(k => rays.across[k] * right + rays.down[k] * down + rays.corner[k] || 1e-200), length = Math.hypot(...ray.map((x, k) => x * spacing[k]));
-  const faces = [0, 1, 2].map(k => [-rays.eye[k] / ray[k], (size[k] - 1 - rays.eye[k]) / ray[k]]);
+  const faces = [0, 1, 2].map(k => [(low[k] - rays.eye[k]) / ray[k], (high[k] - rays.eye[k]) / ray[k]]);
   const enter = Math.max(0, ...faces.map(pair => Math.min(...pair))), leave = Math.min(...faces.map(pair => Math.max(...pair)));
+  const placeOf = at => rays.eye.map((x, k) => x + at * ray[k]), worldOf = at => placeOf(at).map((x, k) => origin[k] + spacing[k] * x);
   if (!(leave > enter)) return null;
+  if (cut.slice) return Number.isNaN(sampled(field, placeOf((enter + leave) / 2), true)) ? null : worldOf((enter + leave) / 2);
   const count = Math.min(Math.ceil(FINENESS * (leave - enter) * length / Math.min(...spacing)) + 1, MOST_SAMPLES), step = (leave - enter) / count;
-  const placeOf = at => rays.eye.map((x, k) => x + at * ray[k]);
   const at = appearance.kind === "isosurface" ? crossing(i => sampled(field, placeOf(enter + i * step), true) - appearance.isovalue, count)
     : half(i => depthAt(sampled(field, placeOf(enter + (i + 0.5) * step), true), appearance.transfer_function) * step * length, count);
-  return at === null ? null : placeOf(enter + at * step).map((x, k) => origin[k] + spacing[k] * x);
+  return at === null ? null : worldOf(enter + at * step);
 }
 
 /** The field's value at a place in the world; null outside it and beside holes. */

@@ -9,8 +9,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pytest
 
+from catalogs.vocabulary.cameras import Camera
 from surrogate.evaluation.metrics import WHITE
 from surrogate.explore.cuts import cut_of
+from surrogate.explore.probing import seen_place
+from surrogate.explore.request import setting_of
 from surrogate.explore.setting import Setting
 from tests.support.browsers import serious_findings
 from tests.support.drawn_models import carrying
@@ -176,3 +179,35 @@ def test_a_page_without_a_field_offers_no_cuts(page: Page, tmp_path: Path) -> No
     page.evaluate("location.hash = '#a.slice=z,0.5'")
     page.wait_for_function("() => document.querySelector('#note li')")
     assert "there is no emulated field here" in page.locator("#note li").inner_text()
+
+
+@pytest.mark.parametrize("name", ["a part", "a slice", "a slice outside"])
+def test_the_place_under_the_pointer_is_one_that_is_left(page: Page, tmp_path: Path, name: str) -> None:
+    surrogate = both()
+    opened(page, surrogate, tmp_path)
+    setting = {"parameters": surrogate.space.middle, "visualization": {}, "color_map": "", **CUTS[name]}
+    place = (BOX[0] + SPAN * [1.4, -1.6, 2.1]).tolist()
+    seen = {"position": place, "target": (BOX[0] + SPAN * 0.5).tolist(), "up": [0.0, 0.0, 1.0], "field": 40.0}
+    request = {"settings": [setting], "camera": seen, "size": [64, 48]}
+    script = "async ([request, pixel]) => (await (await import('draw/local.js')).probed(request, pixel, [])).seen"
+    found = page.evaluate(script, [request, [30.0, 25.0]])
+    camera = Camera.look_at(place, seen["target"], vertical_fov_degrees=40.0, width=64, height=48)
+    expected = seen_place(setting_of(setting, surrogate).member(surrogate), camera, (30.0, 25.0))  # type: ignore[arg-type]
+    assert (found is None) == (expected is None) == (name == "a slice outside")
+    if found is not None:
+        assert found["place"] == pytest.approx(expected, abs=1e-6)
+        assert found["value"] is not None
+
+
+def test_films_go_from_box_to_box(page: Page, tmp_path: Path) -> None:
+    opened(page, both(), tmp_path)
+    script = """async addresses => {
+      const { stateOf } = await import("explore/address.js"), { stateBetween } = await import("explore/journey.js");
+      const { facts } = window.explorer, [first, last] = addresses.map(address => stateOf(address, facts).state);
+      const { clip, slice } = stateBetween(first, last, 0.5, facts).settings[0];
+      return [clip, slice, facts.box.flat()];
+    }"""
+    clip_, plane, box = page.evaluate(script, ["#a.slice=z,3", "#a.slice=z,4&a.clip=-29,6,3,-28,7,4"])
+    assert clip_ == pytest.approx(np.mean([box, [-29, 6, 3, -28, 7, 4]], axis=0))
+    assert plane == ["z", 3.5]
+    assert page.evaluate(script, ["#a.slice=z,3", "#a.slice=x,-29"])[0] is None
