@@ -63,7 +63,7 @@ def opened(page: Page, surrogate: Surrogate, folder: Path, title: str = "a run",
     (folder / "page.html").write_bytes(page_bytes(Run(title, surrogate), None, modes))
     page.goto((folder / "page.html").as_uri())
     page.wait_for_function("() => document.documentElement.dataset.shown")
-    page.evaluate("document.querySelectorAll('.group').forEach(group => { group.open = true; })")
+    page.evaluate("document.querySelectorAll('.group:not(.drawer)').forEach(group => { group.open = true; })")
     return requests
 
 

@@ -62,7 +62,7 @@ def open_explorer(page: Page, address: str, state: str = "") -> None:
 
 def unfold(page: Page) -> None:
     """Open all groups of controls, which stay open."""
-    page.evaluate("document.querySelectorAll('.group').forEach(group => { group.open = true; })")
+    page.evaluate("document.querySelectorAll('.group:not(.drawer)').forEach(group => { group.open = true; })")
     page.wait_for_function("() => document.querySelectorAll('.group').length")
 
 

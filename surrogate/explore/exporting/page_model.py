@@ -13,6 +13,7 @@ from surrogate.explore.exporting.page_field import field_of_page, stored_field
 from surrogate.explore.facts import facts
 from surrogate.explore.run import Run
 from surrogate.model import FieldModel, Surrogate
+from surrogate.model.field_model import scales_of
 from surrogate.model.form import stored_form
 from surrogate.model.representation import FIELD, GAUSSIANS, KINDS, VIEW
 from surrogate.storage.models import StoredModel
@@ -82,9 +83,13 @@ def _content(run: Run, whole: StoredModel | None, emulation: StoredModel | None)
     }
 
 
-def _quantities(field: FieldModel) -> list[dict[str, str]]:
-    """Names and units of the emulated fields."""
-    return [{"name": q.name, "unit": q.unit} for q in map(field.emulators.quantity, field.emulators)]
+def _quantities(field: FieldModel) -> list[dict[str, Any]]:
+    """Names, units and knots of scales of the emulated fields."""
+    scales, of = scales_of(field.appearances), field.emulators.quantity
+    return [
+        {"name": of(name).name, "unit": of(name).unit, "knots": scales[name].to_json() if name in scales else None}
+        for name in field.emulators
+    ]
 
 
 def _visualization(one: Visualization) -> dict[str, Any]:

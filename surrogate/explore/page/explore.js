@@ -13,6 +13,7 @@ import { link } from "./link.js";
 import { cameraOf, rounded, seenAlong } from "./orbit.js";
 import { overlay, saidOf } from "./overlay.js";
 import { build, plan } from "./panes.js";
+import { Predictions } from "./predictions.js";
 import { Probe } from "./probe.js";
 import { comparePanel, displayPanel, modelPanel, parameterPanel, sweepPanel, viewPanel, visualizationPanel } from "./panels.js";
 import { decoded, paint, sideOf, sizeFor, squareOf } from "./pictures.js";
@@ -67,6 +68,7 @@ class Explorer {
     this.trust = new Trust(this);
     this.probe = new Probe(this);
     this.here = new Here(this);
+    this.predictions = connection.predictions && new Predictions(this);
     this.room = new Room(before => { if (this.state.background === before) this.set({ background: firstBackground() }); });
     this.colorbar = element("div", { id: "colorbar", hidden: true },
       element("span", {}, "0"), element("i", { "aria-hidden": "true" }), element("span", { id: "colorbar-high" }), element("span", { id: "compared", role: "status" }));
@@ -108,7 +110,7 @@ class Explorer {
     this.ask = askPanel(this);
     const parts = [
       this.trust.box, state.mode === "compare" && comparePanel(this), state.mode === "sweep" && sweepPanel(this),
-      ...this.controls.map(panel => panel.box), this.ask?.box, this.probe.box, snapshotsPanel(this), viewPanel(this), displayPanel(this), exportPanel(this), modelPanel(this), this.status,
+      ...this.controls.map(panel => panel.box), this.predictions?.box, this.ask?.box, this.probe.box, snapshotsPanel(this), viewPanel(this), displayPanel(this), exportPanel(this), modelPanel(this), this.status,
     ];
     const { id } = document.activeElement ?? {};
     this.side.replaceChildren(...parts.filter(Boolean));
@@ -330,6 +332,7 @@ class Explorer {
     this.ask?.follow();
     this.probe.follow();
     this.here.follow();
+    this.predictions?.follow();
     this.panes.forEach((p, i) => p.canvas.setAttribute("aria-label", this.spoken(i)));
   }
 

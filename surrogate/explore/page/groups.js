@@ -3,7 +3,7 @@
 import { element } from "../web/elements.js";
 import { recalled, remember } from "./memory.js";
 
-const FOLDED = ["Clip and slice", "Snapshots", "View", "Display", "Model"]; // at first
+const FOLDED = ["Predictions", "Clip and slice", "Snapshots", "View", "Display", "Model"]; // at first
 
 /** A section of the controls, named and foldable. */
 export function group(title, ...children) {

@@ -78,7 +78,7 @@ export class Probe {
     const moved = this.from && Math.hypot(event.clientX - this.from[0], event.clientY - this.from[1]) > STILL;
     if (!this.isOn || moved || event.detail > 1 || event.target.closest("button, input, [role=button]")) return;
     const at = this.placeOf(event);
-    if (at) this.ask(at, true);
+    if (at) this.ask({ ...at, isTouch: event.pointerType === "touch" }, true);
   }
 
   leave() {
@@ -116,7 +116,7 @@ export class Probe {
   /** Say what is seen at a place, and pin it where it was pressed. */
   read({ seen, unit }, { at, isPress }) {
     if (isPress) this.pin(seen);
-    if (!this.isOn || !isPress && !at.isMiddle && !this.at) return;
+    if (!this.isOn || at.isTouch || !isPress && !at.isMiddle && !this.at) return;
     const lines = !seen ? [["Nothing is seen here"]] : [seen.value === null ? ["no value beside holes"] : linesOf(seen, unit), [seen.place.map((x, k) => `${"xyz"[k]} ${digits(x, Infinity, 4)}`).join("  ")]].flat();
     this.reading.replaceChildren(...lines.flat().map((line, i) => element(i ? "span" : "strong", {}, line)));
     this.reading.hidden = false;
@@ -199,7 +199,7 @@ export class Probe {
     if (!this.frame || !planned || planned.kind === "sweep") return;
     const lens = lensOf(this.frame.camera, this.frame.size);
     for (const pane of panes.slice(0, isAlone ? 1 : 2)) {
-      pane.pins ??= pane.box.insertBefore(drawn("svg", { class: "annotations", "aria-hidden": "true" }), pane.marks);
+      if (!pane.pins) pane.marks.after(pane.pins = drawn("svg", { class: "annotations", "aria-hidden": "true" }));
       pane.pins.setAttribute("viewBox", `0 0 ${pane.canvas.clientWidth} ${pane.canvas.clientHeight}`);
       pane.pins.replaceChildren(...state.pins.flatMap((place, i) => this.mark(lens.project(place), pane.canvas, i, isAlone && known)));
     }

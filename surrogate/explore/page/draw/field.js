@@ -46,14 +46,15 @@ class Emulator {
 
   /** The samples (V,) in the field's unit. */
   values(point) {
-    const { mean, modes, processes, record: { scale } } = this, weights = Float32Array.from(processes.expected(point)), sums = Float64Array.from(mean);
+    const { mean, modes, processes, record: { scale } } = this, weights = Float32Array.from(processes.expected(point)), sums = new Float64Array(mean);
     let first = 0;
     for (const tensor of modes) {
       const count = tensor.shape[1] ?? 0, own = weights.subarray(first, first + count);
       addProducts(tensor, own, sums);
       first += count;
     }
-    return scale ? Float32Array.from(sums, place => valueAt(place, scale)) : Float32Array.from(sums);
+    for (let i = 0; scale && i < sums.length; ++i) sums[i] = valueAt(sums[i], scale);
+    return new Float32Array(sums);
   }
 
   /** Samples without a value, as 1 of (V,); null where there are none. */

@@ -4,6 +4,7 @@
 import { answered, cameraOf } from "draw/answers.js";
 import { Doubt, never } from "draw/doubt.js";
 import { Graphics } from "draw/graphics.js";
+import { Measured } from "draw/measured.js";
 import { modelOf } from "draw/model.js";
 import { normalized } from "draw/parameters.js";
 import { seenPlace, sharesOf, valueAt } from "draw/probing.js";
@@ -14,6 +15,7 @@ const given = JSON.parse(new TextDecoder().decode(await unpacked("surrogate")));
 export const model = modelOf(await unpacked("tensors"), await unpacked("field"), given.record);
 export const doubt = given.expected.survey ? new Doubt(given.expected, given.facts.parameters) : null;
 const canvas = document.createElement("canvas");
+const measured = []; // predictions by field
 let refusal = "", kept = {}; // the field of the last parameters
 export const ways = new Ways(model, given, graphicsOf());
 canvas.addEventListener("webglcontextlost", event => {
@@ -52,7 +54,7 @@ async function fetched(file) {
 export class Gone extends Error {}
 
 /** There is no program that could draw, or be asked. */
-export const drawable = null, expected = null, asks = false, over = null, suggested = null, follow = null, predictions = null;
+export const drawable = null, expected = null, asks = false, over = null, suggested = null, follow = null;
 
 /** Whether a graphics card draws here. */
 export const drawsAlone = () => ways.device === CARD;
@@ -78,13 +80,21 @@ export async function probed(request, pixel, pins) {
     return value === null ? null : { value, deviation: null, half: null };
   };
   const place = pixel && seenPlace(field, appearance, cameraOf(request), pixel, request.settings[0]);
-  return { seen: place && { place, value: null, ...found(place) }, pins: pins.map(found), ...given.quantities[appearance.number] };
+  const { name, unit } = given.quantities[appearance.number];
+  return { seen: place && { place, value: null, ...found(place) }, pins: pins.map(found), name, unit };
 }
 
 /** How often the field has which value. */
 export async function here(request) {
   const { field } = fieldOf(request.settings[0]), edges = given.facts.histogram?.edges;
   return sharesOf(field, edges);
+}
+
+/** Predictions all over the parameters, without the runs, whose fields the page does not hold. */
+export async function predictions(request) {
+  const { appearance: { number } } = fieldOf(request.settings[0]);
+  measured[number] ??= new Measured(model.fields, number, given.quantities[number]);
+  return measured[number].answer();
 }
 
 /** The field that shows a setting, and how: { field, appearance }. */

@@ -3,17 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
 
 from surrogate import Surrogate
-from surrogate.explore.run import Run
 from tests.support.explored import assert_shown, open_explorer, request_of, settled
-from tests.support.two_parameters import run_in
 
 if TYPE_CHECKING:
     from playwright.sync_api import Page
@@ -68,18 +64,6 @@ def test_the_only_parameter_has_a_curve_and_its_interval(page: Page, explorer: s
     page.locator(".runs .run.test").click(force=True)
     assert parameters(page) == {"p": 0.75}
     assert page.locator("#member").evaluate("e => e.selectedOptions[0].textContent") == "test-0: 0.75"
-
-
-@pytest.fixture(scope="module")
-def two(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
-    """The address of an explorer of two parameters."""
-    pytest.importorskip("aiohttp", reason="the extra [explore] is not installed")
-    from surrogate.explore.server.notebook import NotebookExplorer
-
-    folder: Path = run_in(tmp_path_factory.mktemp("runs") / "two")
-    shown = NotebookExplorer(Run.open(folder))
-    yield shown.address
-    shown.close()
 
 
 def test_two_parameters_have_a_map(page: Page, two: str) -> None:
