@@ -77,7 +77,7 @@ class Cut:
         )
 
     def __str__(self) -> str:
-        """In words, such as "x 0 to 0.5, y 0 to 1, z 0 to 1, slice at z = 0.2"."""
-        box = [f"{axis} {text(low)} to {text(high)}" for axis, low, high in self._ends]
+        """In words, such as "x = 0 to 0.5, y = 0 to 1, z = 0 to 1, slice at z = 0.2"."""
+        box = [f"{axis} = {text(low)} to {text(high)}" for axis, low, high in self._ends]
         plane = [] if self.plane is None else [f"slice at {AXES[self.plane[0]]} = {text(self.plane[1])}"]
         return ", ".join([*box, *plane])

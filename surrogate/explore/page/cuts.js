@@ -37,7 +37,7 @@ export function clipBetween(a, b, share, box) {
 /** A setting's cut in words. */
 export function cutWords(setting, { box: [low, high] }) {
   const { clip, slice } = cutOf(setting), plain = x => String(+x.toPrecision(4)).replace("-", "−");
-  const ends = clip ? [0, 1, 2].filter(k => clip[k] !== low[k] || clip[3 + k] !== high[k]).map(k => `${AXES[k]} = ${plain(clip[k])} to ${plain(clip[3 + k])}`) : [];
+  const ends = clip ? [0, 1, 2].filter(k => clip[k] > low[k] || clip[3 + k] < high[k]).map(k => `${AXES[k]} = ${plain(clip[k])} to ${plain(clip[3 + k])}`) : [];
   return [...ends, ...(slice ? [`slice at ${slice[0]} = ${plain(slice[1])}`] : [])];
 }
 

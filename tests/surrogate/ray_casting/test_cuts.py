@@ -187,4 +187,4 @@ def test_kernels_refuse_bounds_outside_of_the_field() -> None:
 
 
 def test_cuts_have_words() -> None:
-    assert str(Cut(((0, 0, 0), (0.5, 1, 2)), (2, 0.25))) == "x 0 to 0.5, y 0 to 1, z 0 to 2, slice at z = 0.25"
+    assert str(Cut(((0, 0, 0), (0.5, 1, 2)), (2, 0.25))) == "x = 0 to 0.5, y = 0 to 1, z = 0 to 2, slice at z = 0.25"

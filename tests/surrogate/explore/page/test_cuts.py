@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -12,13 +13,18 @@ import pytest
 from catalogs.vocabulary.cameras import Camera
 from surrogate.evaluation.metrics import WHITE
 from surrogate.explore.cuts import cut_of
+from surrogate.explore.exporting.marks import annotations_of
 from surrogate.explore.probing import seen_place
-from surrogate.explore.request import setting_of
+from surrogate.explore.request import frame_request, setting_of
+from surrogate.explore.run import Run
+from surrogate.explore.server.notebook import NotebookExplorer
 from surrogate.explore.setting import Setting
+from surrogate.storage.picture_records import record_of
 from tests.support.browsers import serious_findings
 from tests.support.drawn_models import carrying
 from tests.support.drawn_pages import decibels, field_drawn, opened, places_of
 from tests.support.emulated_models import BOX, MODELS, ORIGIN, SPACING, SPAN, both, cameras, surfaces
+from tests.support.explored import assert_shown, go, open_explorer, saved
 
 if TYPE_CHECKING:
     from playwright.sync_api import Page
@@ -211,3 +217,55 @@ def test_films_go_from_box_to_box(page: Page, tmp_path: Path) -> None:
     assert clip_ == pytest.approx(np.mean([box, [-29, 6, 3, -28, 7, 4]], axis=0))
     assert plane == ["z", 3.5]
     assert page.evaluate(script, ["#a.slice=z,3", "#a.slice=x,-29"])[0] is None
+
+
+CUT = "a.clip=-29.5,5.5,2.2,-26.5,8.5,5.5&a.slice=z,4"
+
+
+@pytest.fixture
+def own_explorer() -> Iterator[str]:
+    """The address of an explorer of a surrogate with Gaussians and a field."""
+    explored = NotebookExplorer(Run("a run", both()))
+    yield explored.address
+    explored.close()
+
+
+def test_the_program_draws_and_saves_what_is_cut(
+    page: Page, own_explorer: str, tmp_path: Path, complaints: list[str]
+) -> None:
+    open_explorer(page, own_explorer, f"full=256&drawn=program&{CUT}&over=Re")
+    assert_shown(page, both())
+    assert "maps are of whole pictures" in page.locator("section[aria-label=Ask]").inner_text()
+    assert (
+        record_of(saved(page, "png", tmp_path)).items()
+        >= {"clip": [-29.5, 5.5, 2.2, -26.5, 8.5, 5.5], "slice": ["z", 4]}.items()
+    )
+    assert (
+        b".within((-29.5, 5.5, 2.2), (-26.5, 8.5, 5.5)).slice('z', 4.0).render("
+        in saved(page, "python", tmp_path).read_bytes()
+    )
+    page.locator("#export-kind").select_option("ply")
+    page.locator("#export").click()
+    page.wait_for_function("() => document.getElementById('alert').textContent.includes('whole Gaussians')")
+    assert "400" in complaints.pop()
+
+
+MARKS = """async size => {
+  const [{ annotationsOf, scaleOf }, { saidOf }, { current }] =
+    await Promise.all(["annotations", "overlay", "state"].map(name => import(`explore/${name}.js`)));
+  const { state, facts } = window.explorer, { camera } = window.explorer.request(false);
+  return annotationsOf({ ...saidOf(current(state), state, facts), shown: ["box"], camera, size, scale: scaleOf(size) });
+}"""
+
+
+@pytest.mark.parametrize("cut", [CUT, "a.slice=x,-28", "a.clip=-99,-99,-99,99,99,4"])
+def test_the_box_is_marked_alike_in_page_and_files(page: Page, tmp_path: Path, cut: str) -> None:
+    surrogate, size = both(), (700, 500)
+    opened(page, surrogate, tmp_path)
+    go(page, f"#{cut}")
+    request = frame_request({**page.evaluate("window.explorer.request(false)"), "size": size}, surrogate)
+    expected = annotations_of(Run("a run", surrogate), request.settings[0], ("box",)).marks(request.camera)
+    found = page.evaluate(MARKS, size)
+    assert [mark[0] for mark in found] == [mark[0] for mark in expected]
+    for own, twin in zip(found, expected, strict=True):
+        np.testing.assert_allclose(np.ravel(own[1]), np.ravel(twin[1]), atol=1e-6)
