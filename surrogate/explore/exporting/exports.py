@@ -26,7 +26,7 @@ from surrogate.explore.exporting.expectations import Expectations
 from surrogate.explore.exporting.films import film_bytes
 from surrogate.explore.exporting.glb import glb_bytes
 from surrogate.explore.exporting.journeys import JourneyRequest, journey_of
-from surrogate.explore.exporting.kinds import FILM_STEPS, FRAMES_PER_SECOND, GAUSSIAN_KINDS, KINDS
+from surrogate.explore.exporting.kinds import FILM_STEPS, FRAMES_PER_SECOND, GAUSSIAN_KINDS, KINDS, REFIT_STEPS
 from surrogate.explore.exporting.marks import all_annotated, annotated, annotations_of
 from surrogate.explore.exporting.naming import file_name
 from surrogate.explore.exporting.page import page_bytes, page_contents, page_files
@@ -308,7 +308,7 @@ def from_message(message: Any, run: Run) -> Request:
     if kind not in tuple(KINDS):
         raise MessageError(f"kind must be one of {', '.join(KINDS)}, got {str(kind)[:40]!r}")
     if kind in GAUSSIAN_KINDS:
-        return GaussiansRequest(frame.settings[0], kind)
+        return GaussiansRequest(frame.settings[0], kind, _refit(message.get("refit", 0)))
     if kind == "html":
         return PageRequest(frame.settings[0])
     if kind == "vti":
@@ -334,6 +334,13 @@ def from_message(message: Any, run: Run) -> Request:
         return SheetRequest(Sweep(arguments[0], columns, rows), *arguments[1:], parts)
     film = Sweep(arguments[0], replace(columns, count=FILM_STEPS))
     return FilmRequest(film, *arguments[1:], kind, there_and_back=True, annotations=parts)
+
+
+def _refit(steps: Any) -> int:
+    """Steps by which Gaussians are fitted, as a message asks for them."""
+    if isinstance(steps, bool) or not isinstance(steps, int) or not 0 <= steps <= REFIT_STEPS:
+        raise MessageError(f"refit is a whole number of steps, 0 to {REFIT_STEPS}, got {str(steps)[:40]}")
+    return steps
 
 
 def _annotations(record: Any) -> tuple[str, ...]:

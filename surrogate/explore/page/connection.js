@@ -154,9 +154,21 @@ function unpacked(buffer) {
   return answer;
 }
 
-/** A file to be saved: { name, blob }. */
-export async function exported(request) {
-  const response = await fetch("export", { method: "POST", headers: { "Content-Type": "application/json" }, body: JSON.stringify(request) });
+/** A file to be saved: { name, blob }; `count(done, total)` hears how far it is, and `signal` ends it. */
+export async function exported(request, { count, signal }) {
+  const ticket = String(Math.random()).slice(2), headers = { "Content-Type": "application/json" };
+  const watching = setInterval(async () => {
+    const { made } = await call("made", ticket).catch(() => ({}));
+    if (made) count(...made);
+  }, BETWEEN);
+  try {
+    return await fileOf(await fetch(`export?ticket=${ticket}`, { method: "POST", headers, body: JSON.stringify(request), signal }));
+  } finally {
+    clearInterval(watching);
+  }
+}
+
+async function fileOf(response) {
   if (!response.ok) {
     const refusal = await response.json().catch(() => ({}));
     throw new Error(refusal.error ?? `the explorer refused (${response.status})`);

@@ -10,6 +10,7 @@ import { exportPanel } from "./exports.js";
 import { listen } from "./hands.js";
 import { Here } from "./here.js";
 import { link } from "./link.js";
+import { Making } from "./making.js";
 import { cameraOf, rounded, seenAlong } from "./orbit.js";
 import { overlay, saidOf } from "./overlay.js";
 import { build, plan } from "./panes.js";
@@ -43,6 +44,7 @@ class Explorer {
     this.drawing = new Drawing(() => this.state.drawn, sentence => this.say(sentence));
     this.stream = new Stream(moving => this.request(moving), request => this.drawing.frame(request), (...shown) => this.show(...shown), error => this.fail(error));
     this.steps = new Steps();
+    this.making = new Making(sentence => this.say(sentence));
     this.layOut();
     this.readAddress();
     listen(this.stage, () => this.state.orbit, orbit => this.look(orbit), facts.camera, () => this.stream.settle());

@@ -2,10 +2,9 @@
 
 import { button, element, menu } from "../web/elements.js";
 import { addressOf, stateOf } from "./address.js";
-import { exported } from "./connection.js";
-import { saveFile } from "./exports.js";
 import { group } from "./groups.js";
 import { journey, stateBetween } from "./journey.js";
+import { saveFile } from "./making.js";
 import { cameraOf } from "./orbit.js";
 import { current, messageOf } from "./state.js";
 import { described } from "./words.js";
@@ -27,7 +26,7 @@ export function snapshotsPanel(explorer) {
   }, { id: "keep" });
   const play = button("Play", () => playing ? stop() : start(), { id: "play-snapshots", "aria-pressed": false });
   const form = menu("Film", "journey-form", "mp4", [["mp4", "MP4"], ["gif", "GIF"]]);
-  const film = facts.exports ? null : button("Save film", () => saveFilm(), { id: "save-journey" });
+  const film = facts.exports ? null : explorer.making.button("Save film", "save-journey", filmOf, () => kept.length > 1);
   const session = button("Save session", () => saveFile({ name: `${facts.title}-session.json`, blob: new Blob([JSON.stringify(kept.map(({ address }) => address), null, 1)], { type: "application/json" }) }), { id: "save-session" });
   const file = element("input", { type: "file", accept: "application/json", id: "open-session", onchange: () => open(file.files[0]) });
 
@@ -35,7 +34,8 @@ export function snapshotsPanel(explorer) {
     list.replaceChildren(...kept.map((one, i) => element("li", {},
       element("button", { type: "button", class: "snapshot", onclick: () => go(one), title: described(current(state(one)), facts), "aria-label": `Show snapshot ${i + 1}: ${described(current(state(one)), facts)}` }, one.picture ?? `${i + 1}`),
       button("×", () => { kept.splice(i, 1); show(); }, { class: "plain", "aria-label": `Remove snapshot ${i + 1}` }))));
-    for (const needy of [play, film, form.querySelector("select")].filter(Boolean)) needy.disabled = kept.length < 2;
+    for (const needy of [play, form.querySelector("select")]) needy.disabled = kept.length < 2;
+    explorer.making.enable();
     session.disabled = !kept.length;
   }
 
@@ -61,22 +61,13 @@ export function snapshotsPanel(explorer) {
     play.setAttribute("aria-pressed", false);
   }
 
-  async function saveFilm() {
+  /** The request of a film through all that is kept. */
+  function filmOf() {
     const kind = form.querySelector("select").value, steps = Math.min(SECONDS * RATE, Math.floor((MOST_FRAMES - 1) / (kept.length - 1)));
     const { size, background, annotations } = explorer.exportable("png", 1);
     const frames = journey(kept.map(state), steps, facts).map(one => ({ setting: messageOf(current(one), facts), camera: cameraOf(one.orbit, size) }));
-    film.disabled = true;
-    explorer.say(`Making a film of ${frames.length} frames…`);
-    try {
-      const { settings: [setting], camera } = explorer.request(false);
-      const made = await exported({ kind, settings: [setting], camera, size, background, annotations, frames });
-      saveFile(made);
-      explorer.say(`${made.name}: ${(made.blob.size / 1024).toFixed(0)} kB`);
-    } catch (error) {
-      explorer.say(error.message);
-    } finally {
-      film.disabled = kept.length < 2;
-    }
+    const { settings: [setting], camera } = explorer.request(false);
+    return { kind, settings: [setting], camera, size, background, annotations, frames };
   }
 
   async function open(chosen) {

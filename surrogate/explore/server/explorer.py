@@ -39,6 +39,7 @@ from surrogate.explore.server.predictions import Predictions
 from surrogate.explore.server.questions import Questions, about_of
 from surrogate.explore.server.values import Values
 from surrogate.explore.truth import Truth
+from surrogate.splatting.threads import cores, kernel_threads
 
 DRAWING_THREADS = 2
 MOST_EXPORTS = 8  # one is made, the others wait
@@ -73,6 +74,7 @@ class Explorer:
         self._exporting = ThreadPoolExecutor(1, thread_name_prefix="export", **alone)
         self._counting = ThreadPoolExecutor(1, thread_name_prefix="count", **alone)
         self._exports = 0  # made or waiting
+        self._export_steps: dict[str, tuple[int, int]] = {}  # how many steps of how many are done, by the page's ticket
         self._closed = threading.Event()
         self._measuring = threading.Thread(target=self._measure, name="doubt", daemon=True)
 
@@ -159,6 +161,7 @@ class Explorer:
             "here": lambda request: values.here(frame_request(request, surrogate, origins)),
             "predictions": lambda request: predictions.answer(frame_request(request, surrogate, origins)),
             "follow": self.parameters.follow,
+            "made": lambda ticket: {"made": self._export_steps.get(str(ticket))},
             "survey": lambda _: self._expectations.to_json(),
             "nearest": lambda request: {"found": frames.nearest(frame_request(request, surrogate, origins))},
         }
@@ -174,15 +177,22 @@ class Explorer:
         return application
 
     async def _export(self, request: web.Request) -> web.Response:
-        def go_on(*_: Any) -> None:
+        def go_on(*counts: Any) -> None:
             if self._closed.is_set() or request.transport is None:
                 raise InterruptedError("nobody waits for this export any more")
+            if counts:
+                self._export_steps[ticket] = counts[:2]
 
         def work() -> Export:
             go_on()
-            return exported(parsed(content), self.run, go_on, self.frames.doubt)
+            message = parsed(content)
+            is_fitted = isinstance(message, dict) and message.get("refit")
+            with kernel_threads(
+                max(1, cores() // 2) if is_fitted else cores()
+            ):  # for minutes: others draw frames meanwhile
+                return exported(message, self.run, go_on, self.frames.doubt)
 
-        content = await request.read()
+        content, ticket = await request.read(), request.query.get("ticket", "")
         if self._exports >= MOST_EXPORTS:
             return web.json_response({"error": "other exports are still being made: try again later"}, status=503)
         self._exports += 1
@@ -194,6 +204,7 @@ class Explorer:
             return web.json_response({"error": reported(error)}, status=400 if isinstance(error, ValueError) else 500)
         finally:
             self._exports -= 1
+            self._export_steps.pop(ticket, None)
         headers = {"Content-Disposition": f'attachment; filename="{file.name}"'}
         return web.Response(body=file.content, content_type=file.media_type, headers=headers)
 

@@ -319,7 +319,7 @@ def test_what_is_seen_can_be_saved(page: Page, explorer: str, surrogate: Surroga
     assert "Surrogate.load" in saved(page, "python", tmp_path).read_text()
     assert saved(page, "exr", tmp_path).stat().st_size > 1000
     assert saved(page, "html", tmp_path).read_bytes().startswith(b"<!doctype html>")
-    assert page.locator("#export-kind option").count() == 5
+    assert page.locator("#export-kind option").count() == 7
     page.locator("#mode-sweep").click()
     settled(page)
     assert page.locator("#export-kind").input_value() == "sheet"  # what is seen comes first

@@ -16,11 +16,14 @@ from surrogate.explore.exporting import exports
 from surrogate.explore.exporting.commands import export
 from surrogate.explore.exporting.refit import refitted
 from surrogate.explore.exporting.splats import Splats, harmonics_of
+from surrogate.explore.request import MessageError
+from surrogate.explore.run import Run
 from surrogate.gaussians import Normalization
 from surrogate.model import DeformedGaussians
 from surrogate.rasterizer import Rasterizer
 from surrogate.splatting import render
 from tests.support.models import plain
+from tests.support.requests import message
 from tests.support.surrogates import some_surrogate
 
 CENTER, EXTENT = np.array([10.0, -20.0, 5.0]), 7.0
@@ -97,3 +100,9 @@ def test_a_file_is_written_at_the_end_or_not_at_all(
     assert export_it("--refit", "2") == 0
     assert path.read_bytes() != plain_bytes
     assert {each.name for each in tmp_path.iterdir()} == {"surrogate", path.name}
+
+
+@pytest.mark.parametrize("steps", [-1, 3001, 1.5, True, "3"])
+def test_a_page_asks_for_no_more_steps_than_a_command_takes(steps: object) -> None:
+    with pytest.raises(MessageError, match="refit is a whole number of steps, 0 to 3000"):
+        exports.from_message(message(kind="glb", refit=steps), Run("blobs", plain()))

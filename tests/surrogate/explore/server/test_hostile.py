@@ -104,7 +104,7 @@ def guarded() -> Iterator[str]:
     shown.close()
 
 
-CALLS = "facts, frame, model, expected, over, next, probe, here, predictions, follow, survey, nearest"
+CALLS = "facts, frame, model, expected, over, next, probe, here, predictions, follow, made, survey, nearest"
 CLOSED = [
     "trame.state.get",
     "Facts",
@@ -124,7 +124,7 @@ def test_nothing_else_can_be_called(tab: Tab, name: str) -> None:
     before = tab.ask("facts")
     for request in (None, [], {}, [{"key": "title", "value": "<b>mine</b>"}], "title"):
         assert (
-            "call is one of facts, frame, model, expected, over, next, probe, here, predictions, follow, survey, nearest"
+            "call is one of facts, frame, model, expected, over, next, probe, here, predictions, follow, made, survey, nearest"
             in harmless(tab.ask(name, request))
         )
     assert tab.ask("facts") == before
