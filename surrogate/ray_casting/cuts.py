@@ -69,15 +69,17 @@ class Cut:
 
     def sliced(self, appearance: VolumeRendering, field: SampledField) -> VolumeRendering:
         """The appearance of the slice: the colours of a volume, opaque and without light."""
-        transfer = appearance.transfer_function
-        points = tuple((value, 1.0) for value, _ in transfer.opacity_points)
         unit = OPAQUE * THICKNESS * min(field.spacing)
-        return replace(
-            appearance, transfer_function=TransferFunction(transfer.color_points, points, unit), shaded=False
-        )
+        transfer = replace(opaque(appearance.transfer_function), opacity_unit_distance=unit)
+        return replace(appearance, transfer_function=transfer, shaded=False)
 
     def __str__(self) -> str:
         """In words, such as "x = 0 to 0.5, y = 0 to 1, z = 0 to 1, slice at z = 0.2"."""
         box = [f"{axis} = {text(low)} to {text(high)}" for axis, low, high in self._ends]
         plane = [] if self.plane is None else [f"slice at {AXES[self.plane[0]]} = {text(self.plane[1])}"]
         return ", ".join([*box, *plane])
+
+
+def opaque(transfer: TransferFunction) -> TransferFunction:
+    """The same colours, opaque at all values."""
+    return replace(transfer, opacity_points=tuple((value, 1.0) for value, _ in transfer.opacity_points))

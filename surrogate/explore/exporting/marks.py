@@ -16,6 +16,7 @@ from surrogate.explore.exporting.lettering import LIGHT
 from surrogate.explore.facts import box_of, label_of, value_scale
 from surrogate.explore.run import Run
 from surrogate.explore.setting import Setting, base_function
+from surrogate.ray_casting.cuts import opaque
 
 DPI = 72.0  # a point is a pixel
 DARK, PALE = "#101216", "#f1f3f6"  # of ink
@@ -27,7 +28,9 @@ def annotations_of(run: Run, setting: Setting, parts: Sequence[str]) -> Annotati
     legend = None
     if function is not None and set(setting.visualization) <= set(POINT_PARAMETERS):
         label = label_of(run, run.surrogate.base_appearance)
-        legend = Legend(setting.transfer_function(run.surrogate), value_scale(run.surrogate, function), label)
+        shown = setting.transfer_function(run.surrogate)
+        shown = opaque(shown) if setting.cut and setting.cut.plane else shown
+        legend = Legend(shown, value_scale(run.surrogate, function), label)
     words = f"{setting.described(run.origins)} · predicted, not simulated"
     box = np.array(box_of(run))
     cut = None if setting.cut is None else setting.cut.left_of(box)

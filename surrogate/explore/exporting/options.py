@@ -58,7 +58,7 @@ def from_options(options: Mapping[str, Any], kind: Any, run: Run) -> CommandRequ
         parts = ()
     function = _function_in(options["function"]) if options.get("function") else None
     cut = cut_in(options.get("clip", ""), options.get("slice", ""))
-    if cut and (kind in GAUSSIAN_KINDS or kind in ("html", "vti")):
+    if cut and (kind in GAUSSIAN_KINDS or kind in ("html", SITE, "vti")):
         raise ValueError(f"--clip and --slice cut pictures and films, not .{kind} files")
     setting = _setting(run, options["parameters"], options["color_map"], like, options["using"], function, cut)
     if kind in GAUSSIAN_KINDS:

@@ -16,7 +16,7 @@ export function saidOf(setting, state, facts) {
   const of = variation(facts, "transfer_function"), made = setting.kind === "transfer_function" && (setting.free ?? displaced(of, setting.points));
   return {
     title: facts.title, words: `${described(setting, facts)} · predicted, not simulated`, box: facts.box, cut: leftOf(setting, facts.box), background: state.background,
-    legend: made ? { colors: colorsOf(made, setting.colorMap, of), opacity: made.opacity, knots: of.knots, label: of.label } : null,
+    legend: made ? { colors: colorsOf(made, setting.colorMap, of), opacity: setting.slice ? made.opacity.map(([value]) => [value, 1]) : made.opacity, knots: of.knots, label: of.label } : null,
     shown: Object.keys(PARTS).filter(part => !state.hidden.includes(part)),
   };
 }

@@ -160,7 +160,7 @@ def test_a_picture_like_another_is_cut_alike(name: str, tmp_path: Path) -> None:
 
 
 def test_files_that_hold_everything_are_not_cut() -> None:
-    for kind in ("ply", "glb", "html", "vti"):
+    for kind in ("ply", "glb", "html", "site", "vti"):
         with pytest.raises(ValueError, match=f"--clip and --slice cut pictures and films, not .{kind} files"):
             from_options({**OPTIONS, "slice": "z=3"}, kind, Run("a run", both()))
 

@@ -254,7 +254,7 @@ MARKS = """async size => {
   const [{ annotationsOf, scaleOf }, { saidOf }, { current }] =
     await Promise.all(["annotations", "overlay", "state"].map(name => import(`explore/${name}.js`)));
   const { state, facts } = window.explorer, { camera } = window.explorer.request(false);
-  return annotationsOf({ ...saidOf(current(state), state, facts), shown: ["box"], camera, size, scale: scaleOf(size) });
+  return annotationsOf({ ...saidOf(current(state), state, facts), shown: ["box", "legend"], camera, size, scale: scaleOf(size) });
 }"""
 
 
@@ -264,7 +264,7 @@ def test_the_box_is_marked_alike_in_page_and_files(page: Page, tmp_path: Path, c
     opened(page, surrogate, tmp_path)
     go(page, f"#{cut}")
     request = frame_request({**page.evaluate("window.explorer.request(false)"), "size": size}, surrogate)
-    expected = annotations_of(Run("a run", surrogate), request.settings[0], ("box",)).marks(request.camera)
+    expected = annotations_of(Run("a run", surrogate), request.settings[0], ("box", "legend")).marks(request.camera)
     found = page.evaluate(MARKS, size)
     assert [mark[0] for mark in found] == [mark[0] for mark in expected]
     for own, twin in zip(found, expected, strict=True):
