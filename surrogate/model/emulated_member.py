@@ -18,7 +18,7 @@ from surrogate.gaussians import Normalization
 from surrogate.model.deformed import checked_background, named, over
 from surrogate.notebook import first_camera, member_html
 from surrogate.ray_casting import SampledField, SurfaceCaster, VolumeCaster, fitting_distance
-from surrogate.ray_casting.cuts import AXES, Cut
+from surrogate.ray_casting.cuts import AXES, Cut, sliced
 from surrogate.ray_casting.fields import triple
 
 NO_COLORS = "a slice has the colours of a transfer function, and an isosurface has none: show the volume"
@@ -36,6 +36,7 @@ class EmulatedMember:
     sample_distance : along rays through a volume, world units; None for what the appearance needs.
     quantity : the field's name and unit.
     cut : what of the field is drawn; None for all.
+    uncut : the member that this one is cut from, which keeps the field for all cuts; None where nothing is cut.
     """
 
     emulator: FieldEmulator
@@ -46,9 +47,12 @@ class EmulatedMember:
     sample_distance: float | None = None
     quantity: Quantity = Quantity()  # noqa: RUF009 - frozen
     cut: Cut | None = None
+    uncut: EmulatedMember | None = None
 
     @cached_property
     def _field(self) -> EmulatedField:
+        if self.uncut is not None:
+            return self.uncut._field
         return replace(self.emulator.at(self.point), quantity=self.quantity)
 
     def field(self, shape: ArrayLike | None = None) -> EmulatedField:
@@ -58,6 +62,8 @@ class EmulatedMember:
     @cached_property
     def samples(self) -> SampledField:
         """The field as it is drawn."""
+        if self.uncut is not None:
+            return self.uncut.samples
         field = self._field
         return SampledField(field.values, field.holes, field.spacing, field.origin)
 
@@ -77,12 +83,15 @@ class EmulatedMember:
 
     @cached_property
     def _cut_caster(self) -> VolumeCaster | SurfaceCaster:
-        if self.cut is None:
+        if self.cut is None or self.uncut is None:
             return self._caster
-        caster = self._caster
-        if self.cut.plane is not None and isinstance(self.appearance, VolumeRendering):
-            caster = VolumeCaster.of(self.samples, self.cut.sliced(self.appearance, self.samples))
+        caster = self.uncut._caster if self.cut.plane is None else self.uncut._slice_caster
         return caster.within(self.cut.bounds(self.samples))
+
+    @cached_property
+    def _slice_caster(self) -> VolumeCaster:
+        assert isinstance(self.appearance, VolumeRendering)
+        return VolumeCaster.of(self.samples, sliced(self.appearance, self.samples))
 
     def within(self, low: ArrayLike, high: ArrayLike) -> EmulatedMember:
         """The same of which pictures show what lies in a box alone, exactly: rays begin and end there, and surfaces are cut.
@@ -105,9 +114,7 @@ class EmulatedMember:
         """The same of which pictures show what a cut leaves alone; raises ValueError for a slice of an isosurface."""
         if cut.plane is not None and not isinstance(self.appearance, VolumeRendering):
             raise ValueError(NO_COLORS)
-        member, caches = replace(self, cut=cut), ("_field", "samples", "distance", "_caster")
-        vars(member).update({name: value for name, value in vars(self).items() if name in caches})
-        return member
+        return replace(self, cut=cut, uncut=self.uncut or self)
 
     def render(self, camera: Camera, *, background: Sequence[float] | None = None) -> NDArray[np.float32]:
         """The picture that `camera` (world units) sees, (H, W, 4) float32 premultiplied RGBA in [0, 1].

@@ -67,12 +67,6 @@ class Cut:
                 high[axis] = low[axis]
         return np.stack([low, high])
 
-    def sliced(self, appearance: VolumeRendering, field: SampledField) -> VolumeRendering:
-        """The appearance of the slice: the colours of a volume, opaque and without light."""
-        unit = OPAQUE * THICKNESS * min(field.spacing)
-        transfer = replace(opaque(appearance.transfer_function), opacity_unit_distance=unit)
-        return replace(appearance, transfer_function=transfer, shaded=False)
-
     def __str__(self) -> str:
         """In words, such as "x = 0 to 0.5, y = 0 to 1, z = 0 to 1, slice at z = 0.2"."""
         box = [f"{axis} = {text(low)} to {text(high)}" for axis, low, high in self._ends]
@@ -83,3 +77,10 @@ class Cut:
 def opaque(transfer: TransferFunction) -> TransferFunction:
     """The same colours, opaque at all values."""
     return replace(transfer, opacity_points=tuple((value, 1.0) for value, _ in transfer.opacity_points))
+
+
+def sliced(appearance: VolumeRendering, field: SampledField) -> VolumeRendering:
+    """The appearance of a slice: the colours of a volume, opaque and without light."""
+    unit = OPAQUE * THICKNESS * min(field.spacing)
+    transfer = replace(opaque(appearance.transfer_function), opacity_unit_distance=unit)
+    return replace(appearance, transfer_function=transfer, shaded=False)

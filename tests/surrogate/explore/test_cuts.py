@@ -12,6 +12,7 @@ import pytest
 
 from catalogs.vocabulary.cameras import Camera
 from surrogate.answers.doubt import NEVER, Doubt
+from surrogate.emulation import FieldEmulator
 from surrogate.explore.cuts import cut_in, cut_of, record_of_cut
 from surrogate.explore.exporting.exports import GaussiansRequest, PictureRequest
 from surrogate.explore.exporting.naming import file_name
@@ -63,17 +64,15 @@ def test_records_hold_cuts_and_settings_draw_them(name: str) -> None:
     assert str(own.cut) in str(own)
 
 
-def test_a_box_that_moves_computes_no_field_anew() -> None:
-    frames, own = Frames(both()), setting("box")
-    first, second = (
-        frames.member(own),
-        frames.member(Setting(own.parameters, cut=Cut((LOW, (*HIGH[:2], HIGH[2] + 0.1))))),
-    )
-    assert first is not second
-    first.render(cameras()[0])
-    assert (
-        frames.member(own.whole(both())).samples is frames.member(Setting(own.parameters, cut=Cut(None, PLANE))).samples
-    )  # type: ignore[union-attr]
+def test_a_box_that_moves_computes_no_field_anew(monkeypatch: pytest.MonkeyPatch) -> None:
+    frames, parameters, computed = Frames(both()), both().space.middle, []
+    at = FieldEmulator.at
+    monkeypatch.setattr(FieldEmulator, "at", lambda self, point: computed.append(point) or at(self, point))
+    for share in (0.3, 0.5, 0.7):
+        place = float(BOX[0][2] + share * SPAN[2])
+        for cut in (Cut((LOW, (*HIGH[:2], place))), Cut(None, (2, place))):
+            assert frames.member(Setting(parameters, cut=cut)).render(cameras()[0]).any()
+    assert len(computed) == 1
 
 
 @pytest.mark.parametrize("using", ["gaussians", "both"])

@@ -13,7 +13,7 @@ from catalogs.vocabulary.cameras import Camera
 from render.quality import psnr
 from surrogate import kernels
 from surrogate.ray_casting import Cut, SampledField, SurfaceCaster, VolumeCaster
-from surrogate.ray_casting.cuts import THICKNESS
+from surrogate.ray_casting.cuts import THICKNESS, sliced
 from surrogate.ray_casting.reference import draw_isosurface_reference, draw_volume_reference
 from tests.support.cast_cases import PEAKS, SMOOTH, far_away, gyroid, inside, punctured, seen
 
@@ -61,7 +61,7 @@ CAMERAS = {"outside": seen(FIELD, 32), "inside": inside(FIELD, 32), "far away": 
 def cut_volume(field: SampledField, cut: Cut, appearance: VolumeRendering, camera: Camera) -> tuple[Any, Any]:
     """By the kernel and as the reference defines it."""
     if cut.plane is not None:
-        appearance = cut.sliced(appearance, field)
+        appearance = sliced(appearance, field)
     bounds = cut.bounds(field)
     drawn = VolumeCaster.of(field, appearance, threads=1).within(bounds).draw(camera, threads=1)
     return drawn, draw_volume_reference(field, appearance, camera, bounds=bounds).numpy()
