@@ -32,26 +32,47 @@ export function clipped(triangles, { low, high }) {
 
 /** The surface where `sign` times the places along an axis are `least` or more. */
 function beyond({ places, normals, corners }, axis, sign, least) {
-  const own = { places: Array.from(places), normals: Array.from(normals), corners: [] }, depth = corner => sign * places[3 * corner + axis] - least;
+  const depths = new Float64Array(places.length / 3);
+  for (let corner = 0; corner < depths.length; ++corner) depths[corner] = sign * places[3 * corner + axis] - least;
+  if (depths.every(depth => depth >= 0)) return { places, normals, corners };
+  const kept = new Uint32Array(2 * corners.length), morePlaces = [], moreNormals = [];
+  let count = 0;
   for (let t = 0; t < corners.length; t += 3) {
-    const three = [corners[t], corners[t + 1], corners[t + 2]], inside = three.map(corner => depth(corner) >= 0), count = inside.filter(Boolean).length;
-    if (count === 3) own.corners.push(...three);
-    if (count === 0 || count === 3) continue;
-    const lone = inside.indexOf(count === 1), [alone, next, last] = [0, 1, 2].map(k => three[(lone + k) % 3]);
-    const [first, second] = [next, last].map(other => count === 1 ? added(alone, other) : added(other, alone));
-    if (count === 1) own.corners.push(alone, first, second);
-    else own.corners.push(first, next, last, first, last, second);
+    const a = corners[t], b = corners[t + 1], c = corners[t + 2], first = depths[a] >= 0, second = depths[b] >= 0, third = depths[c] >= 0;
+    if (first && second && third) keep(a, b, c);
+    else if (first || second || third) {
+      const alone = first === second ? 2 : first === third ? 1 : 0, three = [a, b, c], [own, next, last] = [0, 1, 2].map(k => three[(alone + k) % 3]);
+      if (depths[own] >= 0) keep(own, added(own, next), added(own, last));
+      else {
+        const [before, after] = [added(next, own), added(last, own)];
+        keep(before, next, last);
+        keep(before, last, after);
+      }
+    }
   }
-  return own;
+  return { places: joined(places, morePlaces), normals: joined(normals, moreNormals), corners: kept.subarray(0, count) };
+
+  function keep(a, b, c) {
+    kept[count++] = a;
+    kept[count++] = b;
+    kept[count++] = c;
+  }
 
   /** A corner between one inside and one outside, in this order, so that neighbours agree. */
-  function added(start, stop) {
-    const share = depth(start) / (depth(start) - depth(stop));
+  function added(inside, outside) {
+    const share = depths[inside] / (depths[inside] - depths[outside]), between = (of, k) => of[3 * inside + k] + share * (of[3 * outside + k] - of[3 * inside + k]);
     for (let k = 0; k < 3; ++k) {
-      const [from, to] = [places[3 * start + k], places[3 * stop + k]];
-      own.places.push(k === axis ? sign * least : from + share * (to - from));
-      own.normals.push(normals[3 * start + k] + share * (normals[3 * stop + k] - normals[3 * start + k]));
+      morePlaces.push(k === axis ? sign * least : between(places, k));
+      moreNormals.push(between(normals, k));
     }
-    return own.places.length / 3 - 1;
+    return (places.length + morePlaces.length) / 3 - 1;
   }
+}
+
+/** Numbers with more behind them. */
+function joined(numbers, more) {
+  const all = new Float64Array(numbers.length + more.length);
+  all.set(numbers);
+  all.set(more, numbers.length);
+  return all;
 }
