@@ -28,9 +28,10 @@ def annotations_of(run: Run, setting: Setting, parts: Sequence[str]) -> Annotati
     legend = None
     if function is not None and set(setting.visualization) <= set(POINT_PARAMETERS):
         label = label_of(run, run.surrogate.base_appearance)
-        shown = setting.transfer_function(run.surrogate)
-        shown = opaque(shown) if setting.cut and setting.cut.plane else shown
-        legend = Legend(shown, value_scale(run.surrogate, function), label)
+        transfer = setting.transfer_function(run.surrogate)
+        if setting.cut is not None and setting.cut.plane is not None:
+            transfer = opaque(transfer)
+        legend = Legend(transfer, value_scale(run.surrogate, function), label)
     words = f"{setting.described(run.origins)} · predicted, not simulated"
     box = np.array(box_of(run))
     cut = None if setting.cut is None else setting.cut.left_of(box)
