@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -12,17 +12,32 @@ from numpy.typing import ArrayLike, NDArray
 
 from catalogs.vocabulary.appearance import Isosurface
 from catalogs.vocabulary.cameras import Camera
+from catalogs.vocabulary.numbers import text
 from surrogate.emulation import EmulatedField
 from surrogate.emulation.corners import Corners
 from surrogate.emulation.validation import NORMAL
+from surrogate.explore.setting import Setting
+from surrogate.model import Surrogate
 from surrogate.model.emulated_member import EmulatedMember
 from surrogate.ray_casting import Cut
 
 Array = NDArray[np.float64]
+MINUS = "\N{MINUS SIGN}"
 
+NO_FIELD = "this run has no emulated field, so nobody knows values: `surrogate train` fits one where members keep coarse fields"
 FAINT = 0.02  # opacity along a ray below which nothing is seen there
 FINENESS = 4.0  # samples per smallest spacing
 MOST_SAMPLES = 1 << 14  # along a ray
+
+
+def field_member(surrogate: Surrogate, setting: Setting) -> EmulatedMember:
+    """The emulated field of a setting as it is shown there, whole; raises ValueError for a surrogate without any."""
+    field = surrogate.field
+    if field is None:
+        raise ValueError(NO_FIELD)
+    if setting.is_free:
+        return field.member(field.point(setting.parameters, "allow", setting.transfer_function(surrogate)))
+    return field.member(field.point(setting.values, "allow"))
 
 
 def seen_place(member: EmulatedMember, camera: Camera, pixel: Sequence[float]) -> Array | None:
@@ -64,6 +79,21 @@ def values_at(field: EmulatedField, places: ArrayLike) -> list[dict[str, float] 
         None if math.isnan(value) else {"value": value, "deviation": deviation, "half": NORMAL * deviation}
         for value, deviation in zip(sampled.values.tolist(), sampled.deviations.tolist(), strict=True)
     ]
+
+
+def value_words(number: Mapping[str, float] | None, unit: str) -> str:
+    """A value of `values_at` to the second digit of its error, with that and the unit."""
+    if number is None:
+        return "no value"
+    value, deviation, behind = number["value"], number["deviation"], f" {unit}" if unit else ""
+    if not deviation > 0.0:
+        return f"{value:.4g}".replace("-", MINUS) + behind
+    places = max(0, min(12, 1 - math.floor(math.log10(deviation))))
+    if abs(value) < 1e6 and places < 8:
+        error = f"{deviation:.{places}f}" if places else text(float(f"{deviation:.2g}"))
+        return f"{value:.{places}f} ± {error}".replace("-", MINUS) + behind
+    words = f"{value:.3e} ± {deviation:.1e}".replace("e+0", "e+").replace("e-0", "e-")
+    return words.replace("-", MINUS) + behind
 
 
 def _ray(camera: Camera, pixel: Sequence[float]) -> tuple[Array, Array]:

@@ -25,6 +25,7 @@ Made = TypeVar("Made")
 Color = tuple[float, float, float]
 
 MOST_SETTINGS = 64
+MOST_PINS = 20
 LEAST_SIDE, MOST_SIDE = 8, 2048
 MOST_PIXELS = 4 * 1024 * 1024  # of all pictures of one frame together
 LEAST_FIELD, MOST_FIELD = 1.0, 150.0  # vertical field of view, degrees

@@ -26,6 +26,7 @@ from surrogate.appearance.scale import ValueScale
 PARTS = ("title", "legend", "box", "axes")
 FRONT, BACK = 0.5, 0.2  # opacity of lines
 APART, SHORTEST, TICK, NUMBER, NAME, LETTER = 64, 40, 5, 9, 24, 6  # pixels at scale 1
+PIN = 9  # pixels at scale 1
 NEAR = 1e-3  # of the box's diagonal
 NAMES, AXES, ARM, CORNER = "xyz", ("#e5605e", "#4fa35f", "#5b8def"), 28, 54
 LEFT, TOP, LEGEND_TOP, BAR, CURVE, STEPS, TALLEST = 18, 20, 66, 12, 26, 64, 240
@@ -33,6 +34,7 @@ LINE, MOST_LINES, WIDTH_OF_LETTER = 15, 5, 0.58  # of words below the title; a l
 
 Mark = tuple[Any, ...]
 Array = NDArray[np.float64]
+Point = tuple[float, ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,7 +51,7 @@ class Annotations:
     """Everything that the marks of a picture say, and which `parts` of them are there.
 
     `box` is the lowest and the highest corner, (2, 3) world units, and so is `cut` of what a cut leaves of it.  There is no
-    `legend` where no transfer function is shown.
+    `legend` where no transfer function is shown.  `pins` are places in the world and what is said beside their numbers.
     """
 
     title: str
@@ -58,6 +60,7 @@ class Annotations:
     legend: Legend | None
     parts: tuple[str, ...] = PARTS
     cut: Array | None = None
+    pins: tuple[tuple[Point, str], ...] = ()
 
     def marks(self, camera: Camera) -> list[Mark]:
         """All marks of what `camera` sees."""
@@ -70,6 +73,7 @@ class Annotations:
             *(() if legend is None else _legend_marks(legend, size, scale, len(lines))),
             *(_axis_marks(camera, scale) if "axes" in self.parts else ()),
             *(_title_marks(self.title, lines, size, scale) if "title" in self.parts else ()),
+            *_pin_marks(camera, self.pins, scale),
         ]
 
 
@@ -233,6 +237,19 @@ def _legend_marks(legend: Legend, size: tuple[int, int], scale: float, lines: in
         marks.append(("text", (x(1) + 6 * scale, at), "start", 11, text, 400))
     label = f"{legend.label}, line: opacity" if legend.label else "line: opacity"
     return [*marks, ("text", (left, y(0) + 18 * scale), "start", 11, label, 400)]
+
+
+def _pin_marks(camera: Camera, pins: Sequence[tuple[Point, str]], scale: float) -> list[Mark]:
+    marks: list[Mark] = []
+    angles = np.linspace(0.0, 2.0 * math.pi, 25).tolist()
+    for number, (place, words) in enumerate(pins, start=1):
+        x, y, depth = projected(camera, place)
+        if not (depth > 0.0 and 0.0 <= x <= camera.width and 0.0 <= y <= camera.height):
+            continue
+        marks.append(("path", [(x + PIN * scale * math.cos(a), y + PIN * scale * math.sin(a)) for a in angles]))
+        marks.append(("text", (x, y), "middle", 11, str(number), 700))
+        marks.append(("text", (x + (PIN + 5) * scale, y), "start", 12, words, 400))
+    return marks
 
 
 def _axis_marks(camera: Camera, scale: float) -> list[Mark]:

@@ -20,7 +20,7 @@ from catalogs.vocabulary.words import joined_names
 from surrogate.answers.doubt import Doubt, Interval
 from surrogate.emulation.exports import vti_bytes
 from surrogate.evaluation.metrics import WHITE, composite
-from surrogate.explore.exporting.annotations import PARTS
+from surrogate.explore.exporting.annotations import PARTS, Point
 from surrogate.explore.exporting.comparison import comparison
 from surrogate.explore.exporting.expectations import Expectations
 from surrogate.explore.exporting.films import film_bytes
@@ -38,7 +38,7 @@ from surrogate.explore.exporting.snippet import snippet
 from surrogate.explore.exporting.splats import Splats
 from surrogate.explore.exporting.spz import spz_bytes
 from surrogate.explore.exporting.sweep import Axis, Sweep, axis_of, pictures, settings
-from surrogate.explore.request import Color, MessageError, frame_request
+from surrogate.explore.request import MOST_PINS, Color, MessageError, frame_request, places_of
 from surrogate.explore.run import Run
 from surrogate.explore.setting import Setting, listed
 from surrogate.explore.truth import Truth
@@ -58,18 +58,21 @@ class PictureRequest:
     background: Color | None = None
     form: Literal["png", "exr"] = "png"
     annotations: tuple[str, ...] = ()
+    pins: tuple[Point, ...] = ()  # world places, with the field's values
 
     def __post_init__(self) -> None:
-        if self.annotations and self.form == "exr":
+        if (self.annotations or self.pins) and self.form == "exr":
             raise ValueError("an EXR keeps the picture alone, without annotations: make a PNG")
 
     def content(self, run: Run, progress: Progress, doubt: Doubt | None = None) -> bytes:
         image = self.setting.member(run.surrogate).render(self.camera, background=self.background)
         expected = self.expected(run, doubt)
         record = record_for(run.surrogate, self.setting, self.camera, self.background, expected)
-        if self.annotations:
+        if self.annotations or self.pins:
             record["annotations"] = list(self.annotations)
-            said = annotations_of(run, self.setting, self.annotations)
+            if self.pins:
+                record["pins"] = [list(pin) for pin in self.pins]
+            said = annotations_of(run, self.setting, self.annotations, self.pins)
             image = annotated(image, said, self.camera, self.background)
         return encode(image if self.background is None else image[..., :3], self.form, record=record)
 
@@ -317,7 +320,7 @@ def from_message(message: Any, run: Run) -> Request:
         return CodeRequest(*arguments)
     parts = _annotations(message.get("annotations"))
     if kind in ("png", "exr"):
-        return PictureRequest(*arguments, kind, parts if kind == "png" else ())
+        return PictureRequest(*arguments, kind, *((parts, _pins(message)) if kind == "png" else ()))
     if kind == "comparison":
         if len(frame.settings) != 2 and not frame.truth:
             raise MessageError("a comparison is of two settings, or of one and its stored picture")
@@ -351,6 +354,12 @@ def _annotations(record: Any) -> tuple[str, ...]:
     if not isinstance(parts, list) or not all(part in PARTS for part in parts):
         raise MessageError(f"annotations have shown, a list of {', '.join(PARTS)}")
     return tuple(part for part in PARTS if part in parts)
+
+
+def _pins(message: Mapping[str, Any]) -> tuple[Point, ...]:
+    pins = (message.get("annotations") or {}).get("pins", [])
+    places = [pin.get("place") if isinstance(pin, Mapping) else pin for pin in pins] if isinstance(pins, list) else pins
+    return tuple(places_of(places, "pins", MOST_PINS))
 
 
 def _axis_in(fields: Mapping[str, Any], run: Run, name: str, count: str, *ends: str) -> Axis:

@@ -11,9 +11,10 @@ from numpy.typing import NDArray
 from catalogs.files.images import to_float
 from catalogs.vocabulary.cameras import Camera
 from catalogs.vocabulary.variations import POINT_PARAMETERS
-from surrogate.explore.exporting.annotations import FRONT, Annotations, Legend, Mark, scale_of
+from surrogate.explore.exporting.annotations import FRONT, Annotations, Legend, Mark, Point, scale_of
 from surrogate.explore.exporting.lettering import LIGHT
 from surrogate.explore.facts import box_of, label_of, value_scale
+from surrogate.explore.probing import field_member, value_words, values_at
 from surrogate.explore.run import Run
 from surrogate.explore.setting import Setting, base_function
 from surrogate.ray_casting.cuts import opaque
@@ -22,8 +23,8 @@ DPI = 72.0  # a point is a pixel
 DARK, PALE = "#101216", "#f1f3f6"  # of ink
 
 
-def annotations_of(run: Run, setting: Setting, parts: Sequence[str]) -> Annotations:
-    """All that the marks of a picture of a setting say."""
+def annotations_of(run: Run, setting: Setting, parts: Sequence[str], pins: Sequence[Point] = ()) -> Annotations:
+    """All that the marks of a picture of a setting say, with the field's values at `pins`, world places."""
     function = base_function(run.surrogate)
     legend = None
     if function is not None and set(setting.visualization) <= set(POINT_PARAMETERS):
@@ -35,7 +36,15 @@ def annotations_of(run: Run, setting: Setting, parts: Sequence[str]) -> Annotati
     words = f"{setting.described(run.origins)} · predicted, not simulated"
     box = np.array(box_of(run))
     cut = None if setting.cut is None else setting.cut.left_of(box)
-    return Annotations(run.title, words, box, legend, tuple(parts), cut)
+    return Annotations(run.title, words, box, legend, tuple(parts), cut, _pinned(run, setting, pins))
+
+
+def _pinned(run: Run, setting: Setting, pins: Sequence[Point]) -> tuple[tuple[Point, str], ...]:
+    if run.surrogate.field is None or not pins:
+        return tuple((pin, "") for pin in pins)
+    member = field_member(run.surrogate, setting)
+    values = values_at(member.field(), pins)
+    return tuple((pin, value_words(value, member.quantity.unit)) for pin, value in zip(pins, values, strict=True))
 
 
 def annotated(

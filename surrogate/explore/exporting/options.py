@@ -16,7 +16,7 @@ from catalogs.vocabulary.variations import APPEARANCE, POINT_PARAMETERS
 from surrogate.command_line import assignment
 from surrogate.evaluation.metrics import WHITE
 from surrogate.explore.cuts import cut_in, cut_of, record_of_cut
-from surrogate.explore.exporting.annotations import PARTS
+from surrogate.explore.exporting.annotations import PARTS, Point
 from surrogate.explore.exporting.exports import (
     CommandRequest,
     ComparisonRequest,
@@ -30,13 +30,13 @@ from surrogate.explore.exporting.exports import (
 from surrogate.explore.exporting.kinds import FILM_STEPS, GAUSSIAN_KINDS, ROW_STEPS, SHEET_STEPS, SITE
 from surrogate.explore.exporting.sweep import Axis, Sweep, axis_of, parameters_of
 from surrogate.explore.functions import function_of, record_of_function
-from surrogate.explore.request import Color, setting_of
+from surrogate.explore.request import MOST_PINS, Color, places_of, setting_of
 from surrogate.explore.run import Run
 from surrogate.explore.setting import Setting, base_function
 from surrogate.storage.picture_records import record_of
 
 MOST_SIDE = 8192  # pixels that a command may ask for
-_State = tuple[Setting, Camera | None, Color | None, tuple[str, ...]]
+_State = tuple[Setting, Camera | None, Color | None, tuple[str, ...], tuple[Point, ...]]
 
 STORED = "stored"  # what --compare takes beside parameters
 
@@ -48,14 +48,14 @@ def from_options(options: Mapping[str, Any], kind: Any, run: Run) -> CommandRequ
     for wrong options.
     """
     surrogate = run.surrogate
-    nothing: _State = (Setting({}), None, None, ())
-    like, camera, like_background, parts = _read_state(run, options["like"]) if options.get("like") else nothing
+    nothing: _State = (Setting({}), None, None, (), ())
+    like, camera, like_background, parts, pins = _read_state(run, options["like"]) if options.get("like") else nothing
     if options.get("annotate"):
         parts = PARTS
         if kind in ("ply", "html", SITE, "vti"):
             raise ValueError(f"--annotate writes into pictures and films, not into .{kind} files")
     elif kind == "exr":
-        parts = ()
+        parts = pins = ()
     function = _function_in(options["function"]) if options.get("function") else None
     cut = cut_in(options.get("clip", ""), options.get("slice", ""))
     if cut and (kind in GAUSSIAN_KINDS or kind in ("html", SITE, "vti")):
@@ -81,7 +81,7 @@ def from_options(options: Mapping[str, Any], kind: Any, run: Run) -> CommandRequ
             setting, camera, other, background or like_background or surrogate.background or WHITE, parts
         )
     if kind in ("png", "exr"):
-        return PictureRequest(setting, camera, background or like_background or surrogate.background, kind, parts)
+        return PictureRequest(setting, camera, background or like_background or surrogate.background, kind, parts, pins)
     down, film = options["down"], kind in ("gif", "mp4")
     steps = options["steps"] or (FILM_STEPS if film else ROW_STEPS if down else SHEET_STEPS)
     columns = _axis(run, options["over"], steps, options["low"], options["high"])
@@ -135,10 +135,11 @@ def _read_state(run: Run, path: Path) -> _State:
         setting = Setting(parameters, dict(record["visualization"]), *texts, function, cut_of(record))
         camera = Camera.from_json(record["camera"]) if "camera" in record else None
         parts = tuple(part for part in PARTS if part in record.get("annotations", ()))
+        pins = tuple(places_of(record.get("pins", []), "pins", MOST_PINS))
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         raise ValueError(f"the picture keeps no setting or camera that is understood: {error!r}") from error
     background = None if record.get("background") is None else _color(record["background"])
-    return setting, camera, background, parts
+    return setting, camera, background, parts, pins
 
 
 def _setting(

@@ -12,6 +12,7 @@ export const FRONT = 0.5, BACK = 0.2; // opacity of lines
 const APART = 64, SHORTEST = 40, TICK = 5, NUMBER = 9, NAME = 24, LETTER = 6; // pixels at scale 1
 const NEAR = 1e-3; // of the box's diagonal
 const NAMES = "xyz", AXES = ["#e5605e", "#4fa35f", "#5b8def"], ARM = 28, CORNER = 54;
+const PIN = 9; // pixels of a ring at scale 1
 export const LEFT = 18, TOP = 20;
 const LINE = 15, MOST_LINES = 5, WIDTH_OF_LETTER = 0.58; // of words below the title; a letter's share of its height
 const LEGEND_TOP = 66, BAR = 12, CURVE = 26, STEPS = 64, TALLEST = 240;
@@ -20,8 +21,8 @@ const LEGEND_TOP = 66, BAR = 12, CURVE = 26, STEPS = 64, TALLEST = 240;
 export const scaleOf = ([width, height]) => Math.max(0.75, Math.min(4, Math.min(width, height) / 600));
 
 /** All marks of a picture; `legend` is { colors, opacity, knots, label } or null, `cut` what a cut leaves of the box or null, `shown` the names of PARTS that are not hidden, 
- * `lines` the words, `rows` how many of them stand over the legend. */
-export function annotationsOf({ camera, size, box, cut, legend, title, words, shown, scale = 1, lines = linesOf(words, size[0], scale), rows = shown.includes("title") ? lines.length : 0 }) {
+ * `pins` are { place, text }, `lines` the words, `rows` how many of them stand over the legend. */
+export function annotationsOf({ camera, size, box, cut, legend, title, words, shown, pins = [], scale = 1, lines = linesOf(words, size[0], scale), rows = shown.includes("title") ? lines.length : 0 }) {
   const lens = lensOf(camera, size);
   return [
     ...shown.includes("box") ? boxOf(lens, box, scale) : [],
@@ -29,6 +30,7 @@ export function annotationsOf({ camera, size, box, cut, legend, title, words, sh
     ...shown.includes("legend") && legend ? legendOf(legend, size, scale, rows) : [],
     ...shown.includes("axes") ? axesOf(lens, size, scale) : [],
     ...shown.includes("title") ? titleOf(title, lines, size, scale) : [],
+    ...pinsOf(lens, pins, size, scale),
   ];
 }
 
@@ -41,6 +43,16 @@ export function lensOf({ position, target, up, field }, [width, height]) {
     return [width / 2 + focal * dot(from, right) / depth, height / 2 + focal * dot(from, down) / depth, depth];
   };
   return { eye: position, axes: [right, down, forward], project };
+}
+
+/** Numbers of places in rings, and what is said beside them. */
+function pinsOf(lens, pins, [width, height], scale) {
+  return pins.flatMap(({ place, text }, i) => {
+    const [x, y, depth] = lens.project(place), turn = 2 * Math.PI / 24;
+    if (!(depth > 0 && x >= 0 && x <= width && y >= 0 && y <= height)) return [];
+    const ring = Array.from({ length: 25 }, (_, k) => [x + PIN * scale * Math.cos(k * turn), y + PIN * scale * Math.sin(k * turn)]);
+    return [["path", ring], ["text", [x, y], "middle", 11, String(i + 1), 700], ["text", [x + (PIN + 5) * scale, y], "start", 12, text, 400]];
+  });
 }
 
 // ---- the box

@@ -248,7 +248,7 @@ class Explorer {
     const ends = { low: moved(name, sweep.low), high: moved(name, sweep.high), secondLow: moved(second, sweep.secondLow), secondHigh: moved(second, sweep.secondHigh) };
     return {
       kind, settings, size, camera: cameraOf(state.orbit, size), background: state.background, form: "png",
-      difference: false, truth: kind === "comparison" && !both, annotations: saidOf(current(state), state, facts), sweep: state.mode === "sweep" ? { ...sweep, ...ends } : null,
+      difference: false, truth: kind === "comparison" && !both, annotations: { ...saidOf(current(state), state, facts), pins: this.probe.marked() }, sweep: state.mode === "sweep" ? { ...sweep, ...ends } : null,
     };
   }
 

@@ -161,9 +161,10 @@ export class Probe {
   follow() {
     const { state, facts } = this.explorer, { camera, size } = this.frame ?? {}, setting = messageOf(current(state), facts);
     this.refresh();
-    if (!camera || !state.pins.length) return;
+    if (!camera) return;
     const key = keyOf(setting, state.pins);
-    if (this.known?.key !== key) this.pinned.wish({ request: this.about(setting, camera, size), pins: state.pins, key });
+    if (state.pins.length && this.known?.key !== key) this.pinned.wish({ request: this.about(setting, camera, size), pins: state.pins, key });
+    if (this.isOn && this.at) this.point({ clientX: this.at.x, clientY: this.at.y });
     const isAlone = this.isOn && !this.at && document.activeElement === this.stage && this.stage.matches(":focus-visible");
     if (isAlone) this.ask(this.middle(), false);
   }
@@ -183,6 +184,12 @@ export class Probe {
   values() {
     const { state, facts } = this.explorer;
     return this.known?.key === keyOf(messageOf(current(state), facts), state.pins) ? this.known : null;
+  }
+
+  /** Pins for a picture to be saved. */
+  marked() {
+    const known = this.values();
+    return this.explorer.state.pins.map((place, i) => ({ place, text: known ? shortOf(known.pins[i], known.unit) : "" }));
   }
 
   showPins() {
@@ -224,8 +231,8 @@ export function shortOf(found, unit) {
   const { value, deviation } = found, behind = unit ? ` ${unit}` : "";
   if (!(deviation > 0)) return `${digits(value, Infinity, 4)}${behind}`;
   const places = Math.max(0, Math.min(12, 1 - Math.floor(Math.log10(deviation)))), isPlain = Math.abs(value) < 1e6 && places < 8;
-  const text = x => (isPlain ? x.toFixed(places) : x.toExponential(3)).replace("-", "−");
-  return `${text(value)} ± ${isPlain ? digits(+deviation.toPrecision(2)) : deviation.toExponential(1)}${behind}`;
+  if (!isPlain) return `${value.toExponential(3)} ± ${deviation.toExponential(1)}`.replaceAll("-", "−") + behind;
+  return `${value.toFixed(places)} ± ${places ? deviation.toFixed(places) : digits(+deviation.toPrecision(2))}`.replace("-", "−") + behind;
 }
 
 /** The same, and the interval that nine in ten values lie in. */

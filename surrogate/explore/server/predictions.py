@@ -19,9 +19,9 @@ from catalogs.vocabulary.words import one_line
 from surrogate.appearance.scale import ValueScale
 from surrogate.emulation import FieldEmulator
 from surrogate.evaluation.scoring import spread
+from surrogate.explore.probing import NO_FIELD
 from surrogate.explore.request import FrameRequest
 from surrogate.explore.run import Run
-from surrogate.explore.server.values import NO_FIELD
 from surrogate.model import FieldModel
 from surrogate.model.field_model import scales_of
 from surrogate.randomness import sobol_points

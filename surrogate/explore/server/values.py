@@ -10,15 +10,13 @@ from typing import Any
 import numpy as np
 
 from catalogs.vocabulary.words import one_line
-from surrogate.explore.probing import seen_place, values_at
-from surrogate.explore.request import FrameRequest, places_of, point_of
+from surrogate.explore.probing import field_member, seen_place, values_at
+from surrogate.explore.request import MOST_PINS, FrameRequest, places_of, point_of
 from surrogate.explore.run import Run
 from surrogate.explore.setting import Setting
 from surrogate.model.emulated_member import EmulatedMember
 
-NO_FIELD = "this run has no emulated field, so nobody knows values: `surrogate train` fits one where members keep coarse fields"
 KEPT = 8  # fields at the last settings
-MOST_PINS = 20
 
 
 @dataclass(eq=False)
@@ -57,11 +55,6 @@ class Values:
         return {"edges": edges.tolist(), "shares": (np.histogram(values, edges)[0] / values.size).tolist()}
 
     def _member(self, setting: Setting) -> EmulatedMember:
-        field = self.run.surrogate.field
-        if field is None:
-            raise ValueError(NO_FIELD)
         if setting.cut is not None:
             return self.member(replace(setting, cut=None)).cut_to(setting.cut)
-        if setting.is_free:
-            return field.member(field.point(setting.parameters, "allow", setting.transfer_function(self.run.surrogate)))
-        return field.member(field.point(setting.values, "allow"))
+        return field_member(self.run.surrogate, setting)
