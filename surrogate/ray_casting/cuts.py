@@ -43,12 +43,15 @@ class Cut:
     def _ends(self) -> list[tuple[str, float, float]]:
         return [] if self.box is None else list(zip(AXES, *self.box, strict=True))
 
-    def left_of(self, box: NDArray[np.float64]) -> NDArray[np.float64]:
-        """The corners of what is left of a box (2, 3), world units: of a slice, flat."""
+    def left_of(self, box: NDArray[np.float64]) -> NDArray[np.float64] | None:
+        """The corners of what is left of a box (2, 3), world units: of a slice, flat; None where it lies outside."""
         left = box.copy() if self.box is None else np.clip(self.box, *box)
-        if self.plane is not None:
-            left[:, self.plane[0]] = self.plane[1]
-        return left
+        if self.plane is None:
+            return left
+        axis, place = self.plane
+        is_inside = left[0, axis] <= place <= left[1, axis]
+        left[:, axis] = place
+        return left if is_inside else None
 
     def bounds(self, field: SampledField) -> NDArray[np.float64]:
         """The lowest and the highest place of what is drawn, (2, 3) in samples; equal along an axis where nothing is."""

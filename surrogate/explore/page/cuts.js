@@ -14,14 +14,16 @@ export const usedBy = setting => isCut(setting) && !setting.using.startsWith("fi
 /** Whether there is an emulated field to be cut. */
 export const canCut = facts => facts.model.representations.some(({ name }) => name.startsWith("field"));
 
-/** The corners of what a setting leaves of a box, of a slice flat; null where that is all. */
+/** The corners of what a setting leaves of a box, of a slice flat; null where that is all, or nothing. */
 export function leftOf(setting, [low, high]) {
   const { clip, slice } = cutOf(setting);
   if (!clip && !slice) return null;
   const inside = corner => corner.map((x, k) => Math.min(Math.max(x, low[k]), high[k]));
   const left = clip ? [inside(clip.slice(0, 3)), inside(clip.slice(3))] : [[...low], [...high]];
-  if (slice) for (const corner of left) corner[AXES.indexOf(slice[0])] = slice[1];
-  return left;
+  if (!slice) return left;
+  const axis = AXES.indexOf(slice[0]), [from, to] = left.map(corner => corner[axis]);
+  for (const corner of left) corner[axis] = slice[1];
+  return from <= slice[1] && slice[1] <= to ? left : null;
 }
 
 /** A box, or null where it leaves nothing out of that of the run. */

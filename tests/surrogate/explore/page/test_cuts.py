@@ -258,7 +258,16 @@ MARKS = """async size => {
 }"""
 
 
-@pytest.mark.parametrize("cut", [CUT, "a.slice=x,-28", "a.clip=-99,-99,-99,99,99,4"])
+@pytest.mark.parametrize(
+    "cut",
+    [
+        CUT,
+        "a.slice=x,-28",
+        "a.clip=-99,-99,-99,99,99,4",
+        "a.slice=z,1e300",
+        "a.clip=-29.5,5.5,2.2,-26.5,8.5,3&a.slice=z,4",
+    ],
+)
 def test_the_box_is_marked_alike_in_page_and_files(page: Page, tmp_path: Path, cut: str) -> None:
     surrogate, size = both(), (700, 500)
     opened(page, surrogate, tmp_path)
