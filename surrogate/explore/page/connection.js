@@ -112,7 +112,7 @@ export const over = (request, about) => call("over", { ...request, about });
 /** Runs that would teach most: [[value of each parameter]]. */
 export const suggested = async () => (await call("next")).runs;
 
-/** The emulated field's value that is seen at a `pixel`, null for none, and at `pins`, world places: {seen, pins, name, unit}. */
+/** The emulated field's value that is seen at a `pixel`, null for none, and, by setting, at `pins`, world places: {seen, pins, name, unit}. */
 export const probed = (request, pixel, pins) => call("probe", { ...request, pixel, pins });
 
 /** How often the field has which value in what a request shows: {edges, shares}. */

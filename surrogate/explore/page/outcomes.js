@@ -14,7 +14,7 @@ export function tableOf({ parameters, runs, levels, name, unit, pictures: [bytes
 /** All axes: [{ key, label, unit, low, high, isLogarithmic, isOutcome, values: (count,) }]. */
 export function axesOf(table, level, state, facts) {
   const ofParameters = facts.parameters.map((p, i) => ({
-    key: p.name, label: p.name, unit: p.unit, low: p.low, high: p.high, scale: p.scale, isOutcome: false, values: table.parameters.map(row => row[i]),
+    key: p.name, label: labelled(p.name, p.unit), unit: p.unit, low: p.low, high: p.high, scale: p.scale, isOutcome: false, values: table.parameters.map(row => row[i]),
   }));
   const { count, columns, numbers, levels, name, unit } = table, row = i => numbers.subarray(i * columns, (i + 1) * columns);
   const outcome = (key, label, of, at) => {
@@ -24,11 +24,13 @@ export function axesOf(table, level, state, facts) {
   const setting = current(state), functions = variation(facts, "transfer_function"), shown = setting.kind === "transfer_function" && functions;
   const opacity = shown && opacityOf((setting.free ?? displaced(functions, setting.points)).opacity, levels);
   return [
-    ...ofParameters, ...NUMBERS.map((words, i) => outcome(words, `${words} ${name}`, unit, numbersOf => numbersOf[i])),
+    ...ofParameters, ...NUMBERS.map((words, i) => outcome(words, labelled(`${words} ${name}`, unit), unit, numbersOf => numbersOf[i])),
     outcome("share", `share ${name} > ${+level.toPrecision(3)}`, "", numbersOf => shareAbove(numbersOf.subarray(NUMBERS.length), levels, level)),
     ...shown ? [outcome("opacity", "mean opacity", "", numbersOf => opacity(numbersOf.subarray(NUMBERS.length)))] : [],
   ];
 }
+
+const labelled = (name, unit) => unit ? `${name} (${unit})` : name;
 
 /** The share of samples above a level, linear between the levels of which it is known. */
 export function shareAbove(shares, levels, level) {

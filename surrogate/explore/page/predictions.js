@@ -53,7 +53,8 @@ export class Predictions {
   async make(key) {
     const { explorer } = this;
     this.making = key;
-    this.table = null;
+    this.table = this.chosen = null;
+    this.plot.brushes = {};
     this.tools.hidden = true;
     this.words.textContent = "Predicting all over the parameters…";
     try {

@@ -106,11 +106,11 @@ export class Probe {
 
   ask(at, isPress) {
     const { planned } = this.explorer, { camera, size } = this.frame;
-    this.under.wish({ request: this.about(planned.settings[at.pane], camera, size), pixel: at.pixel, at, isPress });
+    this.under.wish({ request: this.about([planned.settings[at.pane]], camera, size), pixel: at.pixel, at, isPress });
   }
 
-  about(setting, camera, size) {
-    return { settings: [setting], camera, size, background: "#000000", form: "png", difference: false, truth: false };
+  about(settings, camera, size) {
+    return { settings, camera, size, background: "#000000", form: "png", difference: false, truth: false };
   }
 
   /** Say what is seen at a place, and pin it where it was pressed. */
@@ -159,11 +159,11 @@ export class Probe {
 
   /** The picture rests: values at pins are asked for anew, where it shows another setting or there are other pins. */
   follow() {
-    const { state, facts } = this.explorer, { camera, size } = this.frame ?? {}, setting = messageOf(current(state), facts);
+    const { state } = this.explorer, { camera, size } = this.frame ?? {}, settings = this.settings();
     this.refresh();
     if (!camera) return;
-    const key = keyOf(setting, state.pins);
-    if (state.pins.length && this.known?.key !== key) this.pinned.wish({ request: this.about(setting, camera, size), pins: state.pins, key });
+    const key = keyOf(settings, state.pins);
+    if (state.pins.length && this.known?.key !== key) this.pinned.wish({ request: this.about(settings, camera, size), pins: state.pins, key });
     if (this.isOn && this.at) this.point({ clientX: this.at.x, clientY: this.at.y });
     const isAlone = this.isOn && !this.at && document.activeElement === this.stage && this.stage.matches(":focus-visible");
     if (isAlone) this.ask(this.middle(), false);
@@ -180,22 +180,25 @@ export class Probe {
     this.drawPins();
   }
 
-  /** Values at pins; null until they are known for what is shown. */
-  values() {
-    const { state, facts } = this.explorer;
-    return this.known?.key === keyOf(messageOf(current(state), facts), state.pins) ? this.known : null;
+  /** The settings whose values are said: both of a comparison. */
+  settings() {
+    const { state, facts } = this.explorer, both = state.mode === "compare" && state.against === "setting";
+    return (both ? state.settings : [current(state)]).map(setting => messageOf(setting, facts));
   }
+
+  /** Values at pins by setting; null until they are known for what is shown. */
+  values() { return this.known?.key === keyOf(this.settings(), this.explorer.state.pins) ? this.known : null; }
 
   /** Pins for a picture to be saved. */
   marked() {
-    const known = this.values();
-    return this.explorer.state.pins.map((place, i) => ({ place, text: known ? shortOf(known.pins[i], known.unit) : "" }));
+    const known = this.values(), { pins, active } = this.explorer.state, own = known?.pins[known.pins.length > 1 ? active : 0];
+    return pins.map((place, i) => ({ place, text: own ? shortOf(own[i], known.unit) : "" }));
   }
 
   showPins() {
     const { pins } = this.explorer.state, known = this.values();
     this.list.replaceChildren(...pins.map((place, i) => element("li", {},
-      element("span", {}, element("b", {}, String(i + 1)), ` ${known ? shortOf(known.pins[i], known.unit) : "…"}`,
+      element("span", {}, element("b", {}, String(i + 1)), ` ${known ? known.pins.map((own, which) => `${known.pins.length > 1 ? `${"AB"[which]}: ` : ""}${shortOf(own[i], known.unit)}`).join(", ") : "…"}`,
         element("small", {}, place.map((x, k) => `${"xyz"[k]} ${digits(x, Infinity, 4)}`).join(" "))),
       button("×", () => this.remove(i), { class: "plain", "aria-label": `Remove pin ${i + 1}` }))));
     this.drawPins();
@@ -205,25 +208,25 @@ export class Probe {
     const { panes, planned, state } = this.explorer, known = this.values(), isAlone = planned?.kind === "view";
     if (!this.frame || !planned || planned.kind === "sweep") return;
     const lens = lensOf(this.frame.camera, this.frame.size);
-    for (const pane of panes.slice(0, isAlone ? 1 : 2)) {
+    for (const [which, pane] of panes.slice(0, isAlone ? 1 : 2).entries()) {
       if (!pane.pins) pane.marks.after(pane.pins = drawn("svg", { class: "annotations", "aria-hidden": "true" }));
       pane.pins.setAttribute("viewBox", `0 0 ${pane.canvas.clientWidth} ${pane.canvas.clientHeight}`);
-      pane.pins.replaceChildren(...state.pins.flatMap((place, i) => this.mark(lens.project(place), pane.canvas, i, isAlone && known)));
+      pane.pins.replaceChildren(...state.pins.flatMap((place, i) => this.mark(lens.project(place), pane.canvas, i, known?.pins[which] && shortOf(known.pins[which][i], known.unit))));
     }
   }
 
-  mark([right, down, depth], { clientWidth: width, clientHeight: height }, i, known) {
+  mark([right, down, depth], { clientWidth: width, clientHeight: height }, i, text) {
     const { size } = this.frame, scale = Math.min(width / size[0], height / size[1]);
     const x = (width - scale * size[0]) / 2 + scale * right, y = (height - scale * size[1]) / 2 + scale * down;
     if (!(depth > 0) || x < 0 || y < 0 || x > width || y > height) return [];
     return [
       drawn("circle", { class: "pin", cx: x, cy: y, r: RADIUS }), drawn("text", { class: "pin-number", x, y, "text-anchor": "middle", "dominant-baseline": "central" }, String(i + 1)),
-      known && drawn("text", { class: "pin-value", x: x + RADIUS + 5, y, "dominant-baseline": "central" }, shortOf(known.pins[i], known.unit)),
+      text && drawn("text", { class: "pin-value", x: x + RADIUS + 5, y, "dominant-baseline": "central" }, text),
     ].filter(Boolean);
   }
 }
 
-const keyOf = ({ parameters, visualization }, pins) => JSON.stringify([parameters, visualization.appearance, pins]);
+const keyOf = (settings, pins) => JSON.stringify([settings.map(({ parameters, visualization }) => [parameters, visualization.appearance]), pins]);
 
 /** A value to the second digit of its error, with that, and its unit. */
 export function shortOf(found, unit) {

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import threading
 import time
 from collections.abc import Iterator
@@ -12,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from catalogs.store.catalog import CatalogError, Member
+from catalogs.store.catalog import Member
 from catalogs.vocabulary.appearance import field_of
 from catalogs.vocabulary.parameters import ParameterSpace
 from catalogs.vocabulary.words import one_line
@@ -29,6 +30,8 @@ from surrogate.randomness import sobol_points
 PREDICTIONS, MOST_RUNS = 500, 500
 LEVELS = 129  # above which shares of the samples are counted, even on the scale of values
 ABANDONED = 5.0  # seconds without a question after which the work stops
+
+log = logging.getLogger(__name__)
 
 Rows = NDArray[np.float32]
 
@@ -96,8 +99,9 @@ class Predictions:
                 "unit": quantity.unit,
                 "pictures": [np.array(numbers).tobytes()],
             }
-        except (CatalogError, ValueError, OSError) as error:
-            work.error = f"the runs' fields can't be read: {error}"
+        except Exception as error:
+            log.warning("the predictions of %s can't be made: %s", name or "the field", error)
+            work.error = "the runs' fields can't be read: the explorer's terminal says why"
         finally:
             work.running = False
 

@@ -32,17 +32,18 @@ class Values:
         self.member = lru_cache(maxsize=KEPT)(self._member)
 
     def probe(self, request: FrameRequest, message: Mapping[str, Any]) -> dict[str, Any]:
-        """The values at the message's `pixel` and at its `pins`, world places, in the field of the request's first setting.
+        """The values at the message's `pixel` in the field of the request's first setting, and at `pins`, world places, of each.
 
-        `seen` is the place there with its value, null where nothing is seen; `pins` are values or nulls; `name` and `unit` are the
-        field's.  Raises MessageError for a wrong message, ValueError for a run without an emulated field.
+        `seen` is the place there with its value, null where nothing is seen; `pins` are values or nulls by setting; `name` and
+        `unit` are the field's.  Raises MessageError for a wrong message, ValueError for a run without an emulated field.
         """
         pixel = None if message.get("pixel") is None else point_of(message["pixel"], "pixel", 2)
         pins = places_of(message.get("pins", []), "pins", MOST_PINS)
         member = self.member(request.settings[0])
         place = None if pixel is None else seen_place(member, request.camera, pixel)
         field, quantity = member.field(), member.quantity
-        answer = {"pins": values_at(field, pins), "name": quantity.name, "unit": quantity.unit}
+        pinned = [values_at(self.member(setting).field(), pins) for setting in request.settings] if pins else []
+        answer = {"pins": pinned, "name": quantity.name, "unit": quantity.unit}
         if place is None:
             return answer | {"seen": None}
         return answer | {"seen": {"place": place.tolist(), "value": None, **(values_at(field, [place])[0] or {})}}

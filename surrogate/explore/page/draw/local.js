@@ -75,13 +75,13 @@ export async function frame(request) {
 
 /** The values that are seen at a pixel and at pins; their errors the page does not hold. */
 export async function probed(request, pixel, pins) {
-  const { field, appearance } = fieldOf(request.settings[0]), found = place => {
-    const value = valueAt(field, place);
+  const { field, appearance } = fieldOf(request.settings[0]), found = (place, own = field) => {
+    const value = valueAt(own, place);
     return value === null ? null : { value, deviation: null, half: null };
   };
   const place = pixel && seenPlace(field, appearance, cameraOf(request), pixel, request.settings[0]);
   const { name, unit } = given.quantities[appearance.number];
-  return { seen: place && { place, value: null, ...found(place) }, pins: pins.map(found), name, unit };
+  return { seen: place && { place, value: null, ...found(place) }, pins: pins.length ? request.settings.map(setting => pins.map(place => found(place, fieldOf(setting).field))) : [], name, unit };
 }
 
 /** How often the field has which value. */

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pytest
 
-from surrogate.explore.probing import seen_place, values_at
+from surrogate.explore.probing import seen_place, value_words, values_at
 from surrogate.explore.request import frame_request
 from surrogate.explore.run import Run
 from surrogate.ray_casting.cuts import Cut
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 pytestmark = pytest.mark.slow
 
 READ = "() => !document.getElementById('reading').hidden && document.getElementById('reading').innerText"
-VALUES = "() => { const known = window.explorer.probe.values(); return known && known.pins; }"
+VALUES = "() => { const known = window.explorer.probe.values(); return known && known.pins[0]; }"
 
 
 def place_of(page: Page, right: float, down: float) -> tuple[float, float]:
@@ -94,6 +94,22 @@ def test_pins_follow_the_camera_and_the_parameters_and_stay_in_the_link(page: Pa
     page.locator("#steps button, .steps button").first.click()  # undone
     settled(page)
     assert len(page.evaluate("window.explorer.state.pins")) == 2
+
+
+def test_a_comparison_has_values_of_both(page: Page, two: str, two_run: Run) -> None:
+    open_explorer(page, two, "mode=compare&a.p.p=0.3&b.p.p=0.8&probe=on&pins=0.4,0.5,0.6")
+    page.wait_for_function(VALUES)
+    assert two_run.surrogate.field is not None
+    for which, p in enumerate((0.3, 0.8)):
+        sampled = two_run.surrogate.field.fields({"p": p, "q": 10.0})[0].sample([[0.4, 0.5, 0.6]])
+        words = value_words({"value": sampled.values[0], "deviation": sampled.deviations[0]}, "")
+        assert page.locator("#stage .pane").nth(which).locator(".pin-value").text_content() == words
+        assert f"{'AB'[which]}: {words}" in page.locator(".pins").inner_text()
+    box = page.locator("#stage canvas").nth(1).bounding_box()
+    assert box is not None
+    page.mouse.move(box["x"] + 0.48 * box["width"], box["y"] + 0.52 * box["height"])
+    page.wait_for_function(READ)
+    assert page.evaluate("window.explorer.probe.at.pane") == 1
 
 
 def test_keys_read_and_pin_the_middle(page: Page, two: str) -> None:

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import shutil
+import threading
 import time
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -12,9 +15,12 @@ import pytest
 
 pytest.importorskip("aiohttp", reason="the extra [explore] is not installed")
 
+from catalogs.store.members import COARSE
+from surrogate.explore.request import frame_request
 from surrogate.explore.run import Run
+from surrogate.explore.server import predictions as predictions_module
 from surrogate.explore.server.notebook import NotebookExplorer
-from surrogate.explore.server.predictions import PREDICTIONS
+from surrogate.explore.server.predictions import PREDICTIONS, Predictions
 from tests.support.requests import message
 from tests.support.tabs import Tab, harmless, lives
 from tests.support.two_parameters import run_in
@@ -53,10 +59,10 @@ def test_what_is_seen_has_the_fields_value_and_pins_theirs(run: Run, two: Tab) -
     field = field_at(run, SETTING["parameters"])
     sampled = field.sample([answer["seen"]["place"], pins[0]])
     for one, value, deviation in zip(
-        (answer["seen"], answer["pins"][0]), sampled.values, sampled.deviations, strict=True
+        (answer["seen"], answer["pins"][0][0]), sampled.values, sampled.deviations, strict=True
     ):
         assert (one["value"], one["deviation"]) == pytest.approx((value, deviation))
-    assert answer["pins"][1] is None
+    assert answer["pins"][0][1] is None
     assert ask(two, "probe", pixel=[0, 0])["seen"] is None
     assert ask(two, "probe")["pins"] == []
 
@@ -118,6 +124,40 @@ def test_predictions_have_the_numbers_of_the_field_there(run: Run, two: Tab) -> 
     logarithms = np.log10(points[17:, 1]) / 2.0  # q is logarithmic
     for shares in (points[17:, 0], logarithms):
         assert np.histogram(shares, 10, (0.0, 1.0))[0] == pytest.approx(PREDICTIONS / 10, abs=5)
+
+
+def test_work_that_nobody_waits_for_stops(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+    closed = threading.Event()
+    with ThreadPoolExecutor(1) as pool:
+        made = Predictions(run, pool, closed)
+        request = frame_request(message(settings=[SETTING], camera=CAMERA), run.surrogate)
+        monkeypatch.setattr(predictions_module, "ABANDONED", 0.0)
+        assert made.answer(request)["done"] < 0.01
+        pool.submit(int).result()  # behind the work
+        assert 0.0 < made.answer(request)["done"] < 0.01  # a row, no more; and it begins anew
+        monkeypatch.undo()
+        for _ in range(300):
+            if "done" not in made.answer(request):
+                break
+            time.sleep(0.05)
+        assert len(made.answer(request)["parameters"]) == 17 + PREDICTIONS
+
+
+def test_damaged_fields_are_no_secret_but_their_place_is(run: Run, tmp_path: Path) -> None:
+    assert run.folder is not None
+    folder = Path(shutil.copytree(run.folder, tmp_path / "two"))
+    for path in folder.rglob(COARSE):
+        path.write_bytes(b"damaged")
+    shown = NotebookExplorer(Run.open(folder))
+    with Tab(shown.address) as tab:
+        for _ in range(100):
+            answer = ask(tab, "predictions")
+            if "error" in answer:
+                break
+            time.sleep(0.05)
+        assert answer["error"] == "the runs' fields can't be read: the explorer's terminal says why"
+        assert ask(tab, "probe")["pins"] == []
+    shown.close()
 
 
 def numbers(values: Any, levels: Any) -> list[float]:
