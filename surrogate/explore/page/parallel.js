@@ -148,7 +148,7 @@ export class Parallel {
     this.hands.replaceChildren(...this.axes.flatMap(({ key, label }) => [
       drawn("rect", { class: "brush", "data-axis": key }),
       ...names.map((name, end) => drawn("path", {
-        class: "end", "data-axis": key, "data-end": end, tabindex: 0, role: "slider", "aria-valuemin": 0, "aria-valuemax": 1, "aria-label": `${label}: ${name} end of the brush`,
+        class: "end", "data-axis": key, "data-end": end, tabindex: 0, role: "slider", "aria-orientation": "vertical", "aria-valuemin": 0, "aria-valuemax": 1, "aria-label": `${label}: ${name} end of the brush`,
         onkeydown: event => this.press(event, key, end),
       })),
     ]));

@@ -112,6 +112,35 @@ def test_a_comparison_has_values_of_both(page: Page, two: str, two_run: Run) -> 
     assert page.evaluate("window.explorer.probe.at.pane") == 1
 
 
+NEWEST = """async () => {
+  const { Newest } = await import(new URL("explore/newest.js", document.baseURI)), asked = [], taken = [], failed = [];
+  const free = [], ask = question => new Promise((take, refuse) => { asked.push(question); free.push({ take, refuse }); });
+  const newest = new Newest(ask, (answer, question) => taken.push([answer, question]), (error, question) => failed.push(question));
+  const soon = () => new Promise(resolve => { setTimeout(resolve); });
+  for (const question of ["first", "second", "third", "fourth"]) newest.wish(question);
+  const before = [...asked];
+  free[0].take("one");
+  await soon();
+  newest.wish("fifth");
+  newest.drop();
+  free[1].refuse(new Error("no"));
+  await soon();
+  newest.wish("sixth");
+  free[2].take("six");
+  await soon();
+  return { before, asked, taken, failed };
+}"""
+
+
+def test_one_question_is_asked_at_a_time_and_the_newest_next(page: Page, two: str) -> None:
+    open_explorer(page, two)
+    found = page.evaluate(NEWEST)
+    assert found["before"] == ["first"]
+    assert found["asked"] == ["first", "fourth", "sixth"]
+    assert found["taken"] == [["one", "first"], ["six", "sixth"]]
+    assert found["failed"] == ["fourth"]
+
+
 def test_keys_read_and_pin_the_middle(page: Page, two: str) -> None:
     open_explorer(page, two)
     page.locator("#show-keys").focus()  # the keyboard's focus, as people reach the stage
