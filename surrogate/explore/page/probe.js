@@ -180,10 +180,10 @@ export class Probe {
     this.drawPins();
   }
 
-  /** The settings whose values are said: both of a comparison. */
+  /** The settings whose values are said: all of a comparison. */
   settings() {
-    const { state, facts } = this.explorer, both = state.mode === "compare" && state.against === "setting";
-    return (both ? state.settings : [current(state)]).map(setting => messageOf(setting, facts));
+    const { planned, state, facts } = this.explorer;
+    return planned && planned.kind !== "sweep" ? planned.settings : [messageOf(current(state), facts)];
   }
 
   /** Values at pins by setting; null until they are known for what is shown. */
@@ -198,17 +198,17 @@ export class Probe {
   showPins() {
     const { pins } = this.explorer.state, known = this.values();
     this.list.replaceChildren(...pins.map((place, i) => element("li", {},
-      element("span", {}, element("b", {}, String(i + 1)), ` ${known ? known.pins.map((own, which) => `${known.pins.length > 1 ? `${"AB"[which]}: ` : ""}${shortOf(own[i], known.unit)}`).join(", ") : "…"}`,
+      element("span", {}, element("b", {}, String(i + 1)), ` ${known ? known.pins.map((own, which) => `${known.pins.length > 1 ? `${"ABCD"[which]}: ` : ""}${shortOf(own[i], known.unit)}`).join(", ") : "…"}`,
         element("small", {}, place.map((x, k) => `${"xyz"[k]} ${digits(x, Infinity, 4)}`).join(" "))),
       button("×", () => this.remove(i), { class: "plain", "aria-label": `Remove pin ${i + 1}` }))));
     this.drawPins();
   }
 
   drawPins() {
-    const { panes, planned, state } = this.explorer, known = this.values(), isAlone = planned?.kind === "view";
+    const { panes, planned, state } = this.explorer, known = this.values();
     if (!this.frame || !planned || planned.kind === "sweep") return;
     const lens = lensOf(this.frame.camera, this.frame.size);
-    for (const [which, pane] of panes.slice(0, isAlone ? 1 : 2).entries()) {
+    for (const [which, pane] of panes.slice(0, planned.truth ? 2 : planned.settings.length).entries()) {
       if (!pane.pins) pane.marks.after(pane.pins = drawn("svg", { class: "annotations", "aria-hidden": "true" }));
       pane.pins.setAttribute("viewBox", `0 0 ${pane.canvas.clientWidth} ${pane.canvas.clientHeight}`);
       pane.pins.replaceChildren(...state.pins.flatMap((place, i) => this.mark(lens.project(place), pane.canvas, i, known?.pins[which] && shortOf(known.pins[which][i], known.unit))));
