@@ -1,6 +1,6 @@
 """The explorer without a program: its page, the scripts that draw, and the surrogate, in one file or in a folder for a web host.
 
-In the one file modules are compressed.  The page makes `data:` addresses of them, for an import map of names such as
+In the one file modules and styles are compressed.  The page makes `data:` addresses of them, for an import map of names such as
 "draw/cards.js".  Nothing else may run: the content security policy holds the digests of this map and of the script that makes it.
 In a folder they are files, of which the policy allows those of its host.  The model is data, as it is stored.
 """
@@ -25,15 +25,16 @@ from surrogate.explore.run import Run
 PAGE = files("surrogate.explore") / "page"
 IMPORT = re.compile(r'from "(?:\./|\.\./web/|(draw/|web/|explore/))([a-z_]+\.js)"')
 COMMENT = re.compile(r"^\s*(?://[^\n]*|/\*\*.*?\*/)\n", re.MULTILINE | re.DOTALL)
+BEHIND = re.compile(r"\s// [^\"'`\n]*$", re.MULTILINE)
 LOCAL, PROGRAM = "draw/local.js", "connection.js"
 ENTRY = """(async () => {
 const packed = Uint8Array.from(atob(document.getElementById("modules").textContent), letter => letter.charCodeAt(0));
 const stream = new Blob([packed]).stream().pipeThrough(new DecompressionStream("gzip"));
-const imports = JSON.parse(await new Response(stream).text());
+const { styles, imports } = JSON.parse(await new Response(stream).text());
 for (const name in imports)
 imports[name] = "data:text/javascript;base64," + btoa(String.fromCharCode(...new TextEncoder().encode(imports[name])));
 const map = Object.assign(document.createElement("script"), { type: "importmap", textContent: JSON.stringify({ imports }) });
-document.head.append(map);
+document.head.append(Object.assign(document.createElement("style"), { textContent: styles }), map);
 await import("explore/explore.js");
 })();"""
 TEMPLATE = """<!doctype html>
@@ -64,10 +65,9 @@ def page_bytes(run: Run, expected: Expectations | None = None, modes: int | None
     map_of_them = json.dumps({"imports": imports}, separators=(",", ":"))  # as `JSON.stringify` writes it
     # `data:` is for the modules, which a file has no other addresses for; `ENTRY` and the map are the only scripts that import any.
     scripts = f"script-src {_digest(map_of_them)} {_digest(ENTRY)} data:"
-    packed = {**_data(run, expected, modes), "modules": json.dumps(modules).encode()}
+    packed = {**_data(run, expected, modes), "modules": json.dumps({"styles": styles, "imports": modules}).encode()}
     elements = [f'<script type="text/plain" id="{name}">{_packed(data)}</script>' for name, data in packed.items()]
-    head, body = "\n".join([f"<style>{styles}</style>", *elements]), f"<script>{ENTRY}</script>"
-    return _html(run, f"{scripts}; style-src {_digest(styles)}", head, body)
+    return _html(run, f"{scripts}; style-src {_digest(styles)}", "\n".join(elements), f"<script>{ENTRY}</script>")
 
 
 def page_files(run: Run, expected: Expectations | None = None, modes: int | None = None) -> dict[str, bytes]:
@@ -142,8 +142,8 @@ def _named(room: str, text: str) -> str:
 
 
 def _short(text: str) -> str:
-    """A module without indentation, and without comments that have lines of their own."""
-    return "\n".join(filter(None, (line.strip() for line in COMMENT.sub("", text).splitlines())))
+    """A module without indentation and comments; those behind code stay where they quote something."""
+    return "\n".join(filter(None, (line.strip() for line in BEHIND.sub("", COMMENT.sub("", text)).splitlines())))
 
 
 def _packed(content: bytes) -> str:
