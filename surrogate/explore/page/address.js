@@ -11,7 +11,7 @@ import {
   sweepable, variation,
 } from "./state.js";
 
-const SIDES = ["a", "b"], POINTS = ["c1", "c2"];
+const SIDES = ["a", "b", "c", "d"], POINTS = ["c1", "c2"];
 const LONGEST = 40; // letters of what a note repeats
 
 export function addressOf(state, facts) {
@@ -19,7 +19,7 @@ export function addressOf(state, facts) {
   const put = (name, value, otherwise) => { if (value !== otherwise) fields.set(name, value); };
   put("mode", state.mode, first.mode);
   const alike = JSON.stringify(state.settings[0]) === JSON.stringify(state.settings[1]);
-  state.settings.slice(0, alike ? 1 : 2).forEach((setting, i) => writeSetting(fields, SIDES[i], setting, facts));
+  state.settings.slice(0, state.against === "three" || state.active > 1 ? 4 : alike ? 1 : 2).forEach((setting, i) => writeSetting(fields, SIDES[i], setting, facts));
   put("active", SIDES[state.active], "a");
   const { direction, up, distance, target, field } = state.orbit;
   fields.set("camera", [...direction, ...up, distance, ...target, field].join(","));
@@ -56,10 +56,11 @@ export function stateOf(address, facts) {
   const reading = new Reading(address), state = firstState(facts);
   state.mode = reading.choice("mode", MODES, state.mode);
   const a = readSetting(reading, "a", facts, firstSetting(facts));
-  const b = reading.has("b.") ? readSetting(reading, "b", facts, firstSetting(facts)) : structuredClone(a);
-  state.settings = [a, b];
-  state.active = SIDES.indexOf(reading.choice("active", SIDES, "a"));
-  state.against = reading.choice("against", facts.truth ? ["setting", "truth"] : ["setting"], state.against);
+  state.against = reading.choice("against", ["setting", "three", ...facts.truth ? ["truth"] : []], state.against);
+  const others = SIDES.slice(1, state.against === "three" || reading.has("c.") ? 4 : 2);
+  state.settings = [a, ...others.map(side => reading.has(`${side}.`) ? readSetting(reading, side, facts, firstSetting(facts)) : structuredClone(a))];
+  const sides = SIDES.slice(0, state.against === "setting" && state.mode === "compare" ? 2 : state.settings.length);
+  state.active = SIDES.indexOf(reading.choice("active", sides, "a"));
   state.orbit = readOrbit(reading, state.orbit);
   state.background = readBackground(reading, reading.fields.size ? facts.background ?? BACKGROUNDS.dark : state.background, facts);
   state.full = Number(reading.choice("full", FULL_SIZES.map(String), String(state.full)));

@@ -118,7 +118,7 @@ class Explorer {
     this.side.replaceChildren(...parts.filter(Boolean));
     if (id) document.getElementById(id)?.focus({ preventScroll: true });
     this.arrangement = arrangementOf(state);
-    this.colorbar.hidden = state.mode !== "compare"; // now, so that the first picture has the room that the others have
+    this.colorbar.hidden = state.mode !== "compare" || state.against === "three"; // now, so that the first picture has the room that the others have
     this.built = "";
   }
 
@@ -241,7 +241,7 @@ class Explorer {
   /** The message of what is shown, for a file: of a sweep what it is around, of two settings that which the controls change. */
   exportable(kind, scale) {
     const { state, facts } = this, size = this.exportSize(kind, scale), both = kind === "comparison" && state.against === "setting";
-    const settings = (both ? state.settings : [current(state)]).map(setting => messageOf(setting, facts));
+    const settings = (both ? state.settings.slice(0, 2) : [current(state)]).map(setting => messageOf(setting, facts));
     const origins = Object.fromEntries(pointsOf(facts).map(p => [p.name, p.origin]));
     const moved = (name, end) => end === "" ? "" : end - (origins[name] ?? 0);
     const { sweep } = state, { name, second } = sweep;
@@ -283,7 +283,7 @@ class Explorer {
       if (moving) p.expected.textContent = "";
     });
     this.planned = planned;
-    const share = planned.kind === "sweep" ? 1 / Math.sqrt(Math.max(2, planned.settings.length / 2)) : planned.kind === "compare" ? 0.7 : 1;
+    const share = planned.kind === "sweep" ? 1 / Math.sqrt(Math.max(2, planned.settings.length / 2)) : { compare: 0.7, four: 0.5 }[planned.kind] ?? 1;
     const side = sideOf(this.panes[0].canvas, this.state.full, { moving, isFast: this.drawing.isFast, share });
     const size = { truth: this.facts.size, compare: squareOf(side) }[planned.kind] ?? sizeFor(this.panes[0].canvas, side);
     return {
@@ -312,8 +312,8 @@ class Explorer {
     const { state, facts, planned } = this, alone = planned.kind === "view";
     this.probe.annotate({ camera, size });
     if (planned.kind === "sweep") return;
-    this.panes.slice(0, alone ? 1 : 2).forEach(({ canvas, marks }, i) => {
-      const said = saidOf(planned.kind === "compare" ? state.settings[i] : current(state), state, facts), shown = alone ? said.shown : said.shown.filter(part => part === "box");
+    this.panes.slice(0, alone ? 1 : planned.shown?.length ?? 2).forEach(({ canvas, marks }, i) => {
+      const said = saidOf(planned.shown?.[i] ?? current(state), state, facts), shown = alone ? said.shown : said.shown.filter(part => part === "box");
       const scale = Math.min(canvas.clientWidth / size[0], canvas.clientHeight / size[1]);
       overlay(marks, { ...said, shown, camera, size: size.map(side => side * scale) }, axis => this.look(seenAlong(state.orbit, axis)));
     });
@@ -358,7 +358,7 @@ class Explorer {
   }
 
   spoken(i) {
-    const { state, planned, facts } = this, setting = planned.kind === "compare" && i < 2 ? state.settings[i] : current(state);
+    const { state, planned, facts } = this, setting = planned.shown?.[i] ?? current(state);
     return [planned.labels[i], described(setting, facts)].filter(Boolean).join(": ");
   }
 

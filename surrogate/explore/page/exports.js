@@ -4,7 +4,7 @@ import { button, element, menu } from "../web/elements.js";
 import { group } from "./groups.js";
 
 const GAUSSIANS = ["ply", "glb", "spz"], FIELDS = "vti", REFIT = 3000; // steps by which Gaussians are fitted for other viewers
-const PICTURES = { png: "PNG, parameters inside", exr: "EXR, parameters inside", ply: "Gaussians, 3DGS .ply", glb: "Gaussians fitted for other viewers, .glb", spz: "Gaussians fitted for other viewers, .spz", [FIELDS]: "Fields, VTK .vti", html: "Page without a program, .html", python: "Python that draws it" };
+const PICTURES = { png: "PNG, parameters inside", exr: "EXR, parameters inside", ply: "Gaussians, 3DGS .ply", glb: "Fitted Gaussians, glTF .glb", spz: "Fitted Gaussians, .spz", [FIELDS]: "Fields, VTK .vti", html: "Page without a program, .html", python: "Python that draws it" };
 const COMPARISONS = { comparison: "Comparison, PNG" };
 const SWEEPS = { sheet: "Sheet, PNG", gif: "Animation, GIF", mp4: "Film, MP4" };
 const SCALES = [1, 2];
@@ -12,7 +12,7 @@ const SCALES = [1, 2];
 /** Saves what the explorer shows. */
 export function exportPanel(explorer) {
   const { mode } = explorer.state, { making } = explorer;
-  const offered = explorer.facts.exports ?? { ...(mode === "sweep" ? SWEEPS : mode === "compare" ? COMPARISONS : {}), ...PICTURES };
+  const offered = explorer.facts.exports ?? { ...(mode === "sweep" ? SWEEPS : mode === "compare" && explorer.state.against !== "three" ? COMPARISONS : {}), ...PICTURES };
   if (!explorer.facts.model.gaussians) for (const kind of GAUSSIANS) delete offered[kind];
   if (!explorer.facts.model.representations.some(({ name }) => name === "field")) delete offered[FIELDS];
   const kinds = menu("As", "export-kind", undefined, Object.entries(offered), () => resize());

@@ -1,6 +1,7 @@
 // The controls beside the picture, a section each.  `explorer` holds the state and hears what is changed.
 
 import { button, digits, digitsOf, element, field, menu, tabs } from "../web/elements.js";
+import { stateOf } from "./address.js";
 import { PARTS } from "./annotations.js";
 import { group } from "./groups.js";
 import { numberInput } from "./numbers.js";
@@ -133,17 +134,30 @@ export function displayPanel(explorer) {
 
 export function comparePanel(explorer) {
   const { state, facts } = explorer;
-  const against = menu("With", "against", state.against, [["setting", "another setting"], ["truth", "the stored picture", !facts.truth]], chosen => explorer.set({ against: chosen }));
+  const against = menu("With", "against", state.against, [["setting", "another setting"], ["three", "three others, 2×2"], ["truth", "the stored picture", !facts.truth]], chosen => {
+    const more = chosen === "three" && state.settings.length < 4 ? [current(state), current(state)].map(one => structuredClone(one)) : [];
+    explorer.set({ against: chosen, active: chosen === "setting" ? Math.min(state.active, 1) : state.active, settings: [...state.settings, ...more] });
+  });
   const layout = menu("Shown", "layout", state.layout, [["side", "side by side"], ["swipe", "swipe: one over the other"]], chosen => explorer.set({ layout: chosen }));
   if (state.against === "truth")
     return group("Compare", against, layout,
       element("p", { class: "hint" }, "The catalog holds pictures of its own members from its own views, and no others."),
       button("Nearest stored picture", () => explorer.goToStored(found => explorer.takeStored(found)), { id: "nearest-picture" }));
-  const edit = element("div", { class: "buttons", role: "group", "aria-label": "Which setting the controls change" }, ...["A", "B"].map((name, i) =>
+  const names = state.against === "three" ? "ABCD" : "AB", own = names[state.active];
+  const edit = element("div", { class: "buttons", role: "group", "aria-label": "Which setting the controls change" }, ...[...names].map((name, i) =>
     button(`Change ${name}`, () => explorer.set({ active: i }), { id: `edit-${name}`, "aria-pressed": state.active === i })));
-  const copy = () => { state.settings[1 - state.active] = structuredClone(current(state)); explorer.changed(); };
+  const put = settings => explorer.set({ settings }), copied = () => state.settings.map((one, i) => i < names.length ? structuredClone(current(state)) : one);
+  if (state.against === "three")
+    return group("Compare", against, edit, element("div", { class: "buttons" },
+      button(`Copy ${own} to the others`, () => put(copied())), button("Take the snapshots", () => put(snapped(explorer)), { id: "take-snapshots" })));
   return group("Compare", against, layout, edit, element("div", { class: "buttons" },
-    button(`Copy ${"AB"[state.active]} to ${"BA"[state.active]}`, copy), button("Swap", () => explorer.set({ settings: [...state.settings].reverse() }))));
+    button(`Copy ${own} to ${"BA"[state.active]}`, () => put(copied())), button("Swap", () => put([state.settings[1], state.settings[0], ...state.settings.slice(2)]))));
+}
+
+/** Settings with those of the first snapshots instead, as far as there are any. */
+function snapped({ state, facts, snapshots = [] }) {
+  const taken = snapshots.slice(0, state.settings.length).map(({ address }) => current(stateOf(address, facts).state));
+  return state.settings.map((own, i) => taken[i] ?? own);
 }
 
 export function sweepPanel(explorer) {

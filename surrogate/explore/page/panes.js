@@ -48,7 +48,16 @@ function swipe(stage) {
   });
 }
 
-/** What the stage holds for a state: { kind, labels, words, columns, settings, heads, difference, truth, isSwipe }; `cells` are the settings of a sweep. */
+/** What is different in settings, in words. */
+function differences(settings, facts) {
+  const words = settings.map(setting => described(setting, facts).split(", "));
+  return words.map(own => own.filter(word => !words.every(other => other.includes(word))).join(", "));
+}
+
+/**
+ * What the stage holds for a state: { kind, labels, words, columns, settings, heads, difference, truth, isSwipe }; `cells` are the settings of a
+ * sweep, `shown` those of a comparison.
+ */
 export function plan(state, facts) {
   const shown = current(state);
   if (state.mode === "sweep") {
@@ -58,9 +67,11 @@ export function plan(state, facts) {
   const isSwipe = state.layout === "swipe";
   if (state.mode === "compare" && state.against === "truth")
     return { kind: "truth", labels: ["prediction", "stored", "difference"], words: [described(shown, facts), null], columns: 3, settings: [messageOf(shown, facts)], truth: true, isSwipe };
+  if (state.mode === "compare" && state.against === "three")
+    return { kind: "four", labels: ["A", "B", "C", "D"], words: differences(state.settings, facts), columns: 2, shown: state.settings, settings: state.settings.map(setting => messageOf(setting, facts)) };
   if (state.mode === "compare") {
-    const words = state.settings.map(setting => described(setting, facts));
-    return { kind: "compare", labels: ["A", "B", "difference"], words, columns: 3, settings: state.settings.map(setting => messageOf(setting, facts)), difference: true, isSwipe };
+    const pair = state.settings.slice(0, 2), words = pair.map(setting => described(setting, facts));
+    return { kind: "compare", labels: ["A", "B", "difference"], words, columns: 3, shown: pair, settings: pair.map(setting => messageOf(setting, facts)), difference: true, isSwipe };
   }
   return { kind: "view", labels: [""], words: [], columns: 1, settings: [messageOf(shown, facts)] };
 }

@@ -1,6 +1,6 @@
 // Everything that a tab shows, as one plain object; `address.js` writes it into the address, whole.
 //
-// { mode, settings: [A, B], active, against, orbit, background, full, hidden, drawn, over, sweep }; `hidden` names PARTS of annotations.js,
+// { mode, settings: [A, B] or [A, B, C, D], active, against, orbit, background, full, hidden, drawn, over, sweep }; `hidden` names PARTS of annotations.js,
 // `drawn` what draws: the browser or the program, "" for the faster; `over` what lies over the picture, see ask.js;
 // `probe` says that the value under the pointer is shown, `pins` are places in the world; `layout` how two pictures are shown, "side" by side or one under the other to "swipe".
 // A setting: { parameters: {name: value}, kind, isovalue, points: {c1_value, ...}, free, colorMap, appearance, using }; `points` are the
