@@ -44,6 +44,7 @@ TEMPLATE = """<!doctype html>
 <meta http-equiv="Content-Security-Policy" content="{policy}">
 <meta name="viewport" content="width=device-width, initial-scale=1">
 <meta name="generator" content="gs-surrogate">
+<meta name="color-scheme" content="dark light">
 <title>{title}</title>
 <link rel="icon" href="data:,">
 {head}
