@@ -7,7 +7,7 @@ import { BACKGROUNDS } from "./theme.js";
 import { ofWord, settled, wordOf } from "./functions.js";
 import { rounded as roundedOrbit } from "./orbit.js";
 import {
-  current, endsOf, firstSetting, kindsOf, firstState, firstSweep, FULL_SIZES, MODES, MOST_COUNT, MOST_PINS, pointsOf, possibleSweep, rangeOf,
+  current, endsOf, firstSetting, kindsOf, firstState, firstSweep, FULL_SIZES, MODES, MOST_COUNT, MOST_PINS, OUTCOMES, pointsOf, possibleSweep, rangeOf,
   sweepable, variation,
 } from "./state.js";
 
@@ -31,6 +31,8 @@ export function addressOf(state, facts) {
   put("over", state.over, first.over);
   put("probe", state.probe ? "on" : "", "");
   put("pins", state.pins.map(place => place.join(",")).join(";"), "");
+  for (const [axis, ends] of Object.entries(state.brushes)) fields.set(`brush.${axis}`, ends.map(end => +end.toFixed(4)).join(","));
+  put("level", state.level, "");
   put("layout", state.layout, first.layout);
   for (const [name, value] of Object.entries(state.sweep)) put(`sweep.${name}`, value, first.sweep[name]);
   return `#${fields}`;
@@ -70,6 +72,8 @@ export function stateOf(address, facts) {
   state.over = reading.choice("over", ["error", ...facts.parameters.map(({ name }) => name)], "");
   state.probe = reading.choice("probe", ["on"], "") === "on";
   state.pins = readPins(reading);
+  state.brushes = readBrushes(reading, facts);
+  state.level = readLevel(reading);
   state.sweep = readSweep(reading, state, facts);
   reading.rest();
   return { state, notes: reading.notes };
@@ -202,6 +206,23 @@ function readPins(reading) {
   if (places.length <= MOST_PINS && places.every(place => place.length === 3 && place.every(Number.isFinite))) return places;
   reading.note("pins", `is not a list of ${MOST_PINS} places at most`, "none");
   return [];
+}
+
+function readLevel(reading) {
+  const text = reading.text("level"), level = text?.trim() ? Number(text) : NaN;
+  if (text === null || Number.isFinite(level)) return text === null ? "" : level;
+  reading.note("level", "is not a number", "a usual one");
+  return "";
+}
+
+function readBrushes(reading, facts) {
+  const brushes = {};
+  for (const axis of [...facts.parameters.map(({ name }) => name), ...OUTCOMES]) {
+    const text = reading.text(`brush.${axis}`), ends = (text ?? "").split(",").map(part => part.trim() ? Number(part) : NaN);
+    if (ends.length === 2 && 0 <= ends[0] && ends[0] <= ends[1] && ends[1] <= 1) brushes[axis] = ends;
+    else if (text !== null) reading.note(`brush.${axis}`, "is not a part of an axis, from 0 to 1", "none");
+  }
+  return brushes;
 }
 
 function readSweep(reading, state, facts) {

@@ -97,6 +97,7 @@ class Explorer {
     this.note.hidden = !notes.length;
     this.arrange();
     this.refresh();
+    this.predictions?.read();
     this.stream.settle();
   }
 

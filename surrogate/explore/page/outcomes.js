@@ -19,7 +19,7 @@ export function axesOf(table, level, state, facts) {
   const { count, columns, numbers, levels, name, unit } = table, row = i => numbers.subarray(i * columns, (i + 1) * columns);
   const outcome = (key, label, of, at) => {
     const values = Array.from({ length: count }, (_, i) => at(row(i))), low = Math.min(...values), high = Math.max(...values);
-    return { key, label, unit: of, low, high: high > low ? high : low + 1, scale: "linear", isOutcome: true, values };
+    return { key: `field.${key}`, label, unit: of, low, high: high > low ? high : low + 1, scale: "linear", isOutcome: true, values };
   };
   const setting = current(state), functions = variation(facts, "transfer_function"), shown = setting.kind === "transfer_function" && functions;
   const opacity = shown && opacityOf((setting.free ?? displaced(functions, setting.points)).opacity, levels);

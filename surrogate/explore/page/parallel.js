@@ -21,9 +21,9 @@ export class Parallel {
     new MutationObserver(() => this.draw()).observe(document.documentElement, { attributeFilter: ["data-theme"] });
   }
 
-  /** Show the rows of a table over axes; `here` are the places of what is shown now, null where it is not known. */
-  show(table, axes, here) {
-    for (const key of Object.keys(this.brushes)) if (!axes.some(axis => axis.key === key)) delete this.brushes[key];
+  /** Show the rows of a table over axes, and brushes, { axis: [from, to] }; `here` are the places of what is shown now, null where it is not known. */
+  show(table, axes, brushes, here) {
+    this.brushes = Object.fromEntries(Object.entries(brushes).filter(([key]) => axes.some(axis => axis.key === key)));
     const isNew = String(axes.map(({ key, label }) => [key, label])) !== String(this.axes.map(({ key, label }) => [key, label]));
     Object.assign(this, { table, axes, here });
     this.passes = passing(axes, this.brushes, table.count);

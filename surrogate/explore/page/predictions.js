@@ -14,11 +14,11 @@ const EVERY = 250, LISTED = 12; // milliseconds between questions; rows of the m
 export class Predictions {
   constructor(explorer) {
     this.explorer = explorer;
-    this.plot = new Parallel(() => this.count(), row => this.go(row), row => this.describe(row));
+    this.plot = new Parallel(() => this.change({ brushes: { ...this.plot.brushes } }), row => this.go(row), row => this.describe(row));
     this.words = element("p", { class: "said", role: "status" });
     this.progress = element("progress", { max: 1, hidden: true, "aria-label": "Predictions that are made" });
     this.stopping = button("Stop", () => this.close(), { id: "stop-predictions", hidden: true });
-    this.level = numberInput("the level", () => ({ least: -Infinity, most: Infinity }), value => { this.chosen = value; this.show(); }, { id: "level" });
+    this.level = numberInput("the level", () => ({ least: -Infinity, most: Infinity }), value => this.change({ level: value }), { id: "level" });
     this.levelBox = field("Level", this.level.input);
     this.list = menu("Go to", "go-to", "", [], row => row && this.go(+row));
     this.clearing = button("Clear brushes", () => this.plot.clear(), { id: "clear-brushes" });
@@ -29,6 +29,11 @@ export class Predictions {
     this.fold = this.box.querySelector("details");
     this.fold.classList.add("drawer");
     this.fold.addEventListener("toggle", () => this.follow());
+  }
+
+  /** The address holds another state, whose brushes are to be seen. */
+  read() {
+    if (Object.keys(this.explorer.state.brushes).length) this.fold.open = true;
   }
 
   get isOpen() { return this.fold.open && this.fold.isConnected; }
@@ -53,8 +58,8 @@ export class Predictions {
   async make(key) {
     const { explorer } = this;
     this.making = key;
-    this.table = this.chosen = null;
-    this.plot.brushes = {};
+    this.table = null;
+    if (this.key !== undefined) Object.assign(explorer.state, { brushes: {}, level: "" }); // they are of another field
     this.tools.hidden = true;
     this.words.textContent = "Predicting all over the parameters…";
     try {
@@ -80,13 +85,21 @@ export class Predictions {
 
   show() {
     const { explorer, table } = this, { state, facts } = explorer, { levels } = table;
-    this.chosen ??= +levels[3 * levels.length >> 2].toPrecision(3);
-    this.level.set(this.chosen);
+    const level = state.level === "" ? +levels[3 * levels.length >> 2].toPrecision(3) : state.level;
+    this.level.set(level);
     this.levelBox.title = `Of the axis "share above"${table.unit ? `, in ${table.unit}` : ""}`;
-    const axes = axesOf(table, this.chosen, state, facts), setting = current(state);
-    this.plot.show(table, axes, axes.map((axis, i) => axis.isOutcome ? null : shareOf(facts.parameters[i], setting.parameters[axis.key])));
+    const axes = axesOf(table, level, state, facts), setting = current(state);
+    this.plot.show(table, axes, state.brushes, axes.map((axis, i) => axis.isOutcome ? null : shareOf(facts.parameters[i], setting.parameters[axis.key])));
     this.tools.hidden = false;
     this.count();
+  }
+
+  /** Brushes or the level have changed: they are part of the state. */
+  change(values) {
+    Object.assign(this.explorer.state, values);
+    this.explorer.changed(false);
+    if ("level" in values) this.show();
+    else this.count();
   }
 
   /** Say how many pass the brushes, and list the best of them. */

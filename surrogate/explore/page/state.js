@@ -2,7 +2,8 @@
 //
 // { mode, settings: [A, B] or [A, B, C, D], active, against, orbit, background, full, hidden, drawn, over, sweep }; `hidden` names PARTS of annotations.js,
 // `drawn` what draws: the browser or the program, "" for the faster; `over` what lies over the picture, see ask.js;
-// `probe` says that the value under the pointer is shown, `pins` are places in the world; `layout` how two pictures are shown, "side" by side or one under the other to "swipe".
+// `probe` says that the value under the pointer is shown, `pins` are places in the world;
+// `brushes` are { axis: [from, to] } of the predictions, shares of axes, and `level` is the one of their share, "" for a usual one; `layout` how two pictures are shown, "side" by side or one under the other to "swipe".
 // A setting: { parameters: {name: value}, kind, isovalue, points: {c1_value, ...}, free, colorMap, appearance, using }; `points` are the
 // places of the transfer function's control points, `free` is another function instead (functions.js) or null, `using` names what draws it, "" for the best; `clip` and `slice` are those of cuts.js or null.  A sweep: { name, low, high, count, second, secondLow, secondHigh, secondCount }, where
 // "" for an end is the bound.
@@ -17,6 +18,7 @@ export const AUTOMATIC = 0, EVERY_PIXEL = 1; // every pixel where a graphics car
 export const FULL_SIZES = [AUTOMATIC, 256, 384, 512, 768, 1024, EVERY_PIXEL];
 export const COUNTS = [2, 3, 4, 5, 6, 7, 8, 10, 12];
 export const MOST_COUNT = 24, MOST_PINS = 20;
+export const OUTCOMES = ["mean", "minimum", "maximum", "share", "opacity"].map(name => `field.${name}`); // axes of predictions beside parameters
 export const CELLS = 60; // pictures of a sweep at most
 
 export const variation = (facts, kind) => facts.variations.find(v => v.kind === kind);
@@ -70,6 +72,8 @@ export function firstState(facts) {
     over: "",
     probe: false,
     pins: [],
+    brushes: {},
+    level: "",
     layout: "side",
     sweep: firstSweep(facts),
   };

@@ -11,7 +11,7 @@ import pytest
 from surrogate.explore.run import Run
 from tests.support.browsers import serious_findings
 from tests.support.drawn_pages import opened
-from tests.support.explored import open_explorer, request_of, settled
+from tests.support.explored import addressed, go, open_explorer, request_of, settled
 
 if TYPE_CHECKING:
     from playwright.sync_api import Page
@@ -29,7 +29,7 @@ def open_drawer(page: Page) -> None:
 
 def rows(page: Page) -> dict[str, Any]:
     """The values of all rows on each axis, by its key."""
-    return {axis["key"]: np.array(axis["values"]) for axis in page.evaluate(AXES)}
+    return {axis["key"].removeprefix("field."): np.array(axis["values"]) for axis in page.evaluate(AXES)}
 
 
 def said(page: Page) -> str:
@@ -62,12 +62,12 @@ def test_outcomes_are_the_fields_and_brushing_them_finds_parameters(page: Page, 
         assert values["share"][i] == pytest.approx((samples > level).mean(), abs=0.02)  # linear between levels
         appearance: Any = field.appearances[0]
         assert values["opacity"][i] == pytest.approx(appearance.transfer_function.opacities(samples).mean(), abs=5e-3)
-    maximum = [axis["key"] for axis in page.evaluate(AXES)].index("maximum")
+    maximum = [axis["key"] for axis in page.evaluate(AXES)].index("field.maximum")
     page.mouse.move(*axis_at(page, maximum, 0.9))
     page.mouse.down()
     page.mouse.move(*axis_at(page, maximum, 0.7), steps=3)
     page.mouse.up()
-    brush = page.evaluate("window.explorer.predictions.plot.brushes.maximum")
+    brush = page.evaluate("window.explorer.predictions.plot.brushes['field.maximum']")
     assert brush == pytest.approx([0.7, 0.9], abs=0.01)
     shares = (values["maximum"] - values["maximum"].min()) / np.ptp(values["maximum"])
     passes = (shares >= brush[0]) & (shares <= brush[1])
@@ -125,10 +125,37 @@ def test_keys_brush_and_clear(page: Page, two: str) -> None:
     page.locator("#level").fill("0.25")
     page.locator("#level").press("Enter")
     assert any(axis["label"].endswith(" > 0.25") for axis in page.evaluate(AXES))
+    addressed(page)
+    assert "level=0.25" in page.evaluate("location.hash")
     page.locator("#toggle-theme").click()
     assert not serious_findings(page)
     page.locator("#close-predictions").press("Enter")
     assert not page.evaluate("window.explorer.predictions.isOpen")
+
+
+def test_links_hold_brushes(page: Page, two: str) -> None:
+    open_explorer(page, two, "brush.p=0.25,0.5&brush.field.maximum=0,0.75&level=0.3&brush.q=0.9,0.1&brush.z=0,1")
+    page.wait_for_function(SHOWN, timeout=60_000)
+    note = page.locator("#note").inner_text()
+    assert "brush.q = 0.9,0.1 is not a part of an axis" in note
+    assert "brush.z is not part of a link" in note
+    values = rows(page)
+    shares = (values["maximum"] - values["maximum"].min()) / np.ptp(values["maximum"])
+    passes = (values["p"] >= 0.25) & (values["p"] <= 0.5) & (shares <= 0.75)
+    assert f"{passes[17:].sum()} of 500 predictions" in said(page)
+    assert page.locator("#level").input_value() == "0.3"
+    page.get_by_role("slider", name="p: lower end of the brush").press("Delete")
+    addressed(page)
+    assert page.evaluate("window.explorer.state.brushes") == {"field.maximum": [0, 0.75]}
+    page.locator(".steps button").first.click()  # undone
+    settled(page)
+    page.wait_for_function(
+        "count => document.querySelector('.said').textContent.startsWith(count)", arg=str(passes[17:].sum())
+    )
+    go(page, "#a.p.p=0.5&level=much")
+    settled(page)
+    assert "level = much is not a number" in page.locator("#note").inner_text()
+    page.wait_for_function("() => document.querySelector('.said').textContent.startsWith('500 predictions')")
 
 
 def test_a_run_without_a_field_says_so(page: Page, explorer: str) -> None:
