@@ -37,7 +37,7 @@ RATES = """async ([using, side, seconds]) => {
   const { frame } = await import("draw/local.js"), { explorer } = window, { facts } = explorer, [p] = facts.parameters;
   const canvas = Object.assign(document.createElement("canvas"), { width: 1, height: 1 }), size = [side, side];
   const context = canvas.getContext("2d", { willReadFrequently: true }), plain = explorer.request(false), rates = [];
-  const { parameters } = plain.settings[0];
+  const { parameters } = plain.settings[0], between = share => p.low + share * (p.high - p.low);
   const turned = ({ position: [x, y, z], target: [a, b], ...rest }, angle) => {
     const [cos, sin] = [Math.cos(angle), Math.sin(angle)];
     const position = [a + cos * (x - a) - sin * (y - b), b + sin * (x - a) + cos * (y - b), z];
@@ -45,7 +45,7 @@ RATES = """async ([using, side, seconds]) => {
   };
   const requests = [
     i => ({ camera: turned(plain.camera, i / 20), settings: [{ ...plain.settings[0], using }] }),
-    i => ({ settings: [{ ...plain.settings[0], using, parameters: { ...parameters, [p.name]: p.low + i % 20 / 19 * (p.high - p.low) } }] }),
+    i => ({ settings: [{ ...plain.settings[0], using, parameters: { ...parameters, [p.name]: between(i % 20 / 19) } }] }),
   ];
   for (const changed of requests) {
     let start = 0, count = -2; // the first frames compile shaders
