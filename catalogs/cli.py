@@ -219,12 +219,18 @@ def export(
 )
 @click.option("--port", default=0, show_default=True, help="0 takes a free one.")
 @click.option("--open/--no-open", "show_page", default=False, help="Open the page in the default browser.")
-def browse(path: Path, host: str, port: int, show_page: bool) -> None:
+@click.option(
+    "--explorer",
+    default="",
+    metavar="ADDRESS",
+    help="Link pictures to an explorer of this ensemble, by the address that `surrogate explore` prints.",
+)
+def browse(path: Path, host: str, port: int, show_page: bool, explorer: str) -> None:
     """Write a static page into PATH and serve it until Ctrl-C, to this machine only unless --host says otherwise."""
     from catalogs.browse import serve
 
     with one_line_errors():
-        serve(path, host=host, port=port, open_page=show_page, announce=click.echo)
+        serve(path, host=host, port=port, open_page=show_page, explorer=explorer, announce=click.echo)
 
 
 @contextmanager

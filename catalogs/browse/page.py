@@ -12,6 +12,7 @@ import base64
 import hashlib
 import json
 from pathlib import Path
+from urllib.parse import urlsplit
 
 from catalogs.browse.description import describe
 from catalogs.files import durable
@@ -44,15 +45,24 @@ def write_page(path: Path) -> Path:
     return path / PAGE
 
 
-def page_of(catalog: Catalog) -> str:
-    """The HTML of the page with the catalog's present members."""
+def page_of(catalog: Catalog, explorer: str = "") -> str:
+    """The HTML of the page with the catalog's present members, whose pictures link to the address of an `explorer`.
+
+    Raises ValueError for an address that is not of HTTP.
+    """
+    if explorer and urlsplit(explorer).scheme not in ("http", "https"):
+        raise ValueError(
+            f"the address of an explorer begins with http://, as `surrogate explore` prints it, got {explorer!r}"
+        )
     if catalog.plan.image_format != "png":
         raise CatalogError(f"{catalog.path} holds {catalog.plan.image_format} images, which no browser shows: only png")
     style = _text(ASSETS / "look.css") + _text(FOLDER / "page.css")
     shared = "".join(_text(ASSETS / f"{name}.js") for name in SHARED_SCRIPTS).replace("\nexport ", "\n")
     script = '"use strict";\n' + shared + "".join(_text(FOLDER / "script" / f"{name}.js") for name in SCRIPTS)
     # "<" in a name must not end the script element that carries the data.
-    data = json.dumps(describe(catalog), allow_nan=False, separators=(",", ":")).replace("<", "\\u003c")
+    data = json.dumps(
+        describe(catalog) | {"explorer": explorer.partition("#")[0]}, allow_nan=False, separators=(",", ":")
+    ).replace("<", "\\u003c")
     policy = (
         f"default-src 'none'; img-src 'self' file: data:; style-src '{_hash(style)}'; script-src '{_hash(script)}'; "
         "base-uri 'none'; form-action 'none'"

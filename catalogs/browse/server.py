@@ -170,17 +170,24 @@ def packed_picture(catalog: Catalog, name: str) -> bytes:
 
 
 def serve(
-    folder: Path, *, host: str = LOCAL, port: int = 0, open_page: bool = False, announce: Callable[[str], Any] = print
+    folder: Path,
+    *,
+    host: str = LOCAL,
+    port: int = 0,
+    open_page: bool = False,
+    explorer: str = "",
+    announce: Callable[[str], Any] = print,
 ) -> None:
     """Write the page into the catalog at `folder` and serve it until Ctrl-C, after announcing its address.
 
-    Raises CatalogError where there is no catalog, OSError where the host is unknown or the port is taken.
+    Where the address of an `explorer` is given, served pictures link to it.  Raises CatalogError where there is no catalog,
+    OSError where the host is unknown or the port is taken, ValueError as `page_of` does.
     """
     catalog = Catalog.open(folder)
-    page = page_of(catalog).encode()
+    page = page_of(catalog, explorer).encode()
     with CatalogServer(folder, page, port, host=host, packed=catalog if catalog.plan.packed else None) as server:
         try:
-            durable.replace(folder / PAGE, page)
+            durable.replace(folder / PAGE, page_of(catalog).encode() if explorer else page)
         except OSError as error:
             announce(f"the page is not kept beside the pictures: {error}")
         announce(f"{folder} at {server.address} (Ctrl-C stops)")

@@ -73,6 +73,21 @@ function captionOf(cell, view) {
   ].filter(Boolean);
 }
 
+// The explorer at these parameters, this appearance and this view: what it can't show of them it names.
+function explorerAddress(cell, view) {
+  const fields = new URLSearchParams(), shown = dimensions.filter(d => !Number.isNaN(valueOf(d, cell)));
+  for (const d of shown.filter(({ of }) => of === "member")) fields.set(`a.p.${d.name}`, valueOf(d, cell));
+  const of = Object.fromEntries(shown.filter(d => d.of === "appearance").map(d => [d.name, valueOf(d, cell)]));
+  const show = (kind, name, value) => { fields.set("a.show", kind); fields.set(`a.${name}`, value); };
+  if ("isovalue" in of) show("isovalue", "isovalue", of.isovalue);
+  else if (!Object.keys(of).length && cell.appearance) show("field", "appearance", catalog.appearances[cell.appearance].name);
+  for (const point of ["c1", "c2"]) {
+    if (`${point}_value` in of) fields.set(`a.${point}`, `${of[`${point}_value`]},${of[`${point}_opacity`]}`);
+  }
+  fields.set("camera", viewpointsOf(cell.member)[view].join(","));
+  return `${catalog.explorer}#${fields}`;
+}
+
 function showPanes() {
   const shown = state.mode === "compare" ? [0, 1] : [0];
   panes.forEach((pane, k) => {
@@ -81,6 +96,7 @@ function showPanes() {
     const seen = state.sides[k], view = viewFor(seen.member);
     pane.caption.replaceChildren(...captionOf(seen, view));
     pane.picture.alt = [...pane.caption.children].map(part => part.textContent).join(", ");
+    if (catalog.explorer) pane.caption.append(element("a", { href: explorerAddress(seen, view) }, "Explore"));
     pane.stage.dataset.background = state.background;
     pane.stage.dataset.size = state.size;
     if (catalog.background) pane.stage.style.background = catalog.background;

@@ -180,9 +180,10 @@ function readOrbit(reading, otherwise) {
   const text = reading.text("camera"), values = (text ?? "").split(",").map(Number);
   if (text === null) return otherwise;
   const direction = values.slice(0, 3), up = values.slice(3, 6), [distance] = values.slice(6), field = values[10];
-  const proper = values.length === 11 && values.every(Number.isFinite) && text.split(",").every(part => part.trim());
-  const upright = Math.hypot(...direction) > 0.5 && Math.hypot(...up) > 0.5 && distance > 0 && field >= 1 && field <= 150;
-  if (proper && upright) return roundedOrbit({ direction, up, distance, target: values.slice(7, 10), field });
+  const proper = [6, 11].includes(values.length) && values.every(Number.isFinite) && text.split(",").every(part => part.trim());
+  const upright = Math.hypot(...direction) > 0.5 && Math.hypot(...up) > 0.5;
+  if (proper && upright && values.length === 6) return roundedOrbit({ ...otherwise, direction, up }); // as a catalog's page links to it
+  if (proper && upright && distance > 0 && field >= 1 && field <= 150) return roundedOrbit({ direction, up, distance, target: values.slice(7, 10), field });
   reading.note("camera", "is not a camera", "the first view");
   return otherwise;
 }
