@@ -31,6 +31,7 @@ export class Steps {
 
   /** The same step, whose address has changed. */
   replace(address) {
+    if (location.protocol === "about:") return; // the contents of a notebook's cell have no address
     history.replaceState({ place: this.place }, "", addressed(address));
   }
 
