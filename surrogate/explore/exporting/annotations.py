@@ -194,7 +194,9 @@ def nice_numbers(low: float, high: float, most: int) -> tuple[list[float], list[
     if decimals <= 4 and max(abs(low), abs(high)) < 1e5:
         texts = [f"{value + 0.0:.{decimals}f}" for value in values]
     else:
-        texts = [f"{value + 0.0:.2e}".replace("e-0", "e-").replace("e+0", "e+") for value in values]
+        largest = max(map(abs, values), default=0.0) or step
+        digits = max(2, math.floor(math.log10(largest) + 1e-9) - math.floor(math.log10(step) + 1e-9))
+        texts = [f"{value + 0.0:.{digits}e}".replace("e-0", "e-").replace("e+0", "e+") for value in values]
     return values, [text.replace("-", "\N{MINUS SIGN}") for text in texts]
 
 

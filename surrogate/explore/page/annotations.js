@@ -117,7 +117,8 @@ export function niceNumbers(low, high, most) {
   const values = [], slack = 1e-9 * (high - low);
   for (let k = Math.ceil((low - slack) / step); k * step <= high + slack; ++k) values.push(k * step);
   const decimals = Math.max(0, -Math.floor(Math.log10(step) + 1e-9)), plain = decimals <= 4 && Math.max(Math.abs(low), Math.abs(high)) < 1e5;
-  const texts = values.map(value => (plain ? value.toFixed(decimals) : value.toExponential(2)).replace(/^-(?=0\.?0*$)/, "").replaceAll("-", "−"));
+  const largest = Math.max(0, ...values.map(Math.abs)) || step, digits = Math.max(2, Math.floor(Math.log10(largest) + 1e-9) - Math.floor(Math.log10(step) + 1e-9));
+  const texts = values.map(value => (plain ? value.toFixed(decimals) : value.toExponential(digits)).replace(/^-(?=0\.?0*$)/, "").replaceAll("-", "−"));
   return { values, texts };
 }
 

@@ -34,7 +34,7 @@ export class Trust {
       this.expected.textContent = facts.truth ? "Measuring what to expect here…" : "";
       return;
     }
-    const said = kind === "sweep" ? spanOf(expected) : alone ? alone.sentence : "Beside each picture.", [, words, rest] = /^([^:]*:?)(.*)$/.exec(said);
+    const said = kind === "sweep" ? spanOf(expected) : alone ? alone.sentence || "Nobody has measured what to expect." : "Beside each picture.", [, words, rest] = /^([^:]*:?)(.*)$/.exec(said);
     this.expected.replaceChildren(...alone && rest ? [element("strong", {}, words), rest] : [said]);
     this.expected.title = `${this.expected.textContent}. A higher PSNR is better; from 40 dB on differences are hardly visible.`;
     if (alone) return;

@@ -12,7 +12,7 @@ from PIL import Image
 
 from catalogs.vocabulary.cameras import Camera
 from surrogate import Surrogate
-from surrogate.explore.exporting.annotations import PARTS, Annotations
+from surrogate.explore.exporting.annotations import PARTS, Annotations, nice_numbers
 from surrogate.explore.exporting.marks import annotations_of
 from surrogate.explore.request import frame_request
 from surrogate.explore.run import Run
@@ -77,6 +77,15 @@ def test_many_settings_are_broken_into_lines_alike(page: Page, explorer: str, ru
         expected = Annotations("a run", words, box, None, ("title",)).marks(camera)
         assert found == [[mark[1][1], mark[4]] for mark in expected]
         assert len(found) <= 6
+
+
+def test_ticks_far_from_zero_tell_each_other_apart(page: Page, explorer: str) -> None:
+    open_explorer(page, explorer)
+    asked = "async ends => (await import('/explore/annotations.js')).niceNumbers(...ends).texts"
+    for ends in ([1e6 - 40.0, 1e6 + 40.0, 4], [-1.0, 1.0, 4], [0.0, 2e-6, 2]):
+        texts = page.evaluate(asked, ends)
+        assert texts == nice_numbers(*ends)[1]
+        assert len(set(texts)) == len(texts)
 
 
 def shapes(page: Page) -> int:
