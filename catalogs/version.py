@@ -60,5 +60,5 @@ def version_option(command: Command) -> Command:
 
 
 def _git(*arguments: str) -> str:
-    command = ["git", "-C", str(HERE.parent), *arguments]
+    command = ["git", "--no-optional-locks", "-C", str(HERE.parent), *arguments]
     return subprocess.run(command, capture_output=True, text=True, timeout=10, check=True).stdout.strip()

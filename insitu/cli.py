@@ -5,6 +5,7 @@ from __future__ import annotations
 import click
 
 from catalogs.commands import Commands
+from catalogs.doctor import doctor
 from catalogs.version import version_option
 from insitu.commands.dataset import dataset
 from insitu.commands.ensemble import ensemble
@@ -20,5 +21,5 @@ def main() -> None:
     """Render simulations while they run, into Cinema databases."""
 
 
-for command in (dataset, estimate, ensemble, watch, probe, library):
+for command in (dataset, estimate, ensemble, watch, probe, library, doctor):
     main.add_command(command)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import atexit
 import ctypes
 import os
+import re
 import sys
 import threading
 from collections.abc import Iterator
@@ -104,6 +105,13 @@ class Window:
                 state.vtkglBlendEquation(SUM)
                 renderer.DrawOff()
         return image[::-1].copy(), depth_image  # OpenGL's rows start at the bottom
+
+    def driver(self) -> tuple[str, str, str]:
+        """OpenGL's vendor, renderer and version, "" for what VTK does not report."""
+        with self._current():
+            report = self._window.ReportCapabilities()
+        strings = dict(re.findall(r"^OpenGL (\w+) string: *(.*?) *$", report, re.MULTILINE))
+        return strings.get("vendor", ""), strings.get("renderer", ""), strings.get("version", "")
 
     @property
     def longest_volume(self) -> int:
