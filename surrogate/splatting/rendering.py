@@ -19,8 +19,8 @@ class Constants:
     ----------
     near : Gaussians with nearer centres, in world units along the camera's axis, are not drawn: the projection has a
         pole at 0.
-    dilation : variance in pixels squared added to each projected Gaussian, so that those smaller than a pixel stay
-        visible; it also makes them larger than they are, most in small pictures.
+    dilation : variance in pixels squared added to each projected Gaussian, so that none is infinitely thin. It makes them
+        larger than they are, most in small pictures.
     alpha_floor : smaller alphas are left out, which bounds each Gaussian's extent; one step of an 8-bit image.
     alpha_cap : alphas are clipped to it, because an alpha of 1 would block all light and have no derivative; below 1.
     min_transmittance : pixels with a lower transmittance take no further Gaussian; at most a fortieth of an 8-bit step.
