@@ -13,6 +13,8 @@ from insitu.fields.field import Field
 
 os.environ.setdefault("JAX_PLATFORMS", "cpu")
 
+import itertools
+
 import jax
 import jax_cosmo
 from jax import numpy as jnp
@@ -55,7 +57,7 @@ def matter(parameters: Mapping[str, float], cells: int, steps: int, redshift: fl
 
     times = np.linspace(START, 1.0 / (1.0 + redshift), steps + 1)
     pull = force(places)
-    for low, high in zip(times[:-1], times[1:], strict=True):
+    for low, high in itertools.pairwise(times):
         a, half = (low + high) / 2.0, (high - low) / 2.0
         momenta = momenta + half / (a**2 * expansion(a)) * pull
         places = places + 2.0 * half / (a**3 * expansion(a)) * momenta
