@@ -18,8 +18,8 @@ import numpy as np
 sys.path.insert(0, sys.argv[1])
 import jax_cosmo, simulation
 parameters = {"omega_m": 0.14, "h": 0.7, "sigma8": 0.02}
-wide = np.sum(np.square(np.meshgrid(*[np.fft.fftfreq(24, 1 / 24)] * 3)), axis=0) <= 1  # that the mesh resolves well
-early, late = (np.fft.ifftn(wide * np.fft.fftn(simulation.matter(parameters, 24, 10, z))).real for z in (4.0, 1.0))
+wide = np.sum(np.square(np.meshgrid(*[np.fft.fftfreq(24, 1 / 24)] * 3)), axis=0) <= 4  # that the mesh resolves well
+early, late = (np.fft.ifftn(wide * np.fft.fftn(simulation.matter(parameters, 24, 40, z))).real for z in (4.0, 1.0))
 expected = jax_cosmo.background.growth_factor(simulation._cosmology(parameters), np.array([0.2, 0.5]))
 print(json.dumps({
     "means": [float(early.mean()), float(late.mean())],
