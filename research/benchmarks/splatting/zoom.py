@@ -3,7 +3,7 @@
     python -m research.benchmarks.splatting.zoom RUN [RUN ...] [--members 4] [--views 4] [--write]
 
 Each RUN is a folder whose catalog is there, with whole coarse fields.  Members of training and test are drawn from test views,
-1/4 to 4 times the trained size, and from half and twice the distance, as `render` draws them: by our ray caster, with the
+1/4 to 4 times the trained size, and from half and twice the distance.  Our ray caster draws the fields as `render` does, with the
 catalog's sample distance.
 PSNR is on white, mean over pictures, of the full frame.  `bicubic` is the picture of the trained size, enlarged.
 """
