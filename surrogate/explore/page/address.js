@@ -125,7 +125,7 @@ class Reading {
 }
 
 /** The name of a part for people: "A: Re" of "a.p.Re". */
-const spoken = name => short(name.replace(/^([ab])\.(p\.)?/, (_, side) => `${side.toUpperCase()}: `));
+const spoken = name => short(name.replace(/^([a-d])\.(p\.)?/, (_, side) => `${side.toUpperCase()}: `));
 const short = text => text.length > LONGEST ? `${text.slice(0, LONGEST)}…` : text;
 
 function readSetting(reading, side, facts, setting) {

@@ -26,6 +26,12 @@ export function leftOf(setting, [low, high]) {
   return from <= slice[1] && slice[1] <= to ? left : null;
 }
 
+/** Whether a setting's cut leaves nothing of a box to be drawn. */
+export function isEmpty(setting, box) {
+  const left = leftOf(setting, box), { slice } = cutOf(setting);
+  return isCut(setting) && (!left || [0, 1, 2].some(k => AXES[k] !== slice?.[0] && left[0][k] >= left[1][k]));
+}
+
 /** A box, or null where it leaves nothing out of that of the run. */
 export const clipOf = (corners, box) => corners.every((x, k) => x === box.flat()[k]) ? null : corners;
 

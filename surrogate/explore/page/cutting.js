@@ -1,7 +1,7 @@
 // Controls that cut the field: the ends of a box along each axis, and a slice.
 
 import { button, element, menu } from "../web/elements.js";
-import { AXES, canCut, clipOf } from "./cuts.js";
+import { AXES, canCut, clipOf, isEmpty } from "./cuts.js";
 import { group } from "./groups.js";
 import { numberInput } from "./numbers.js";
 import { slider } from "./sliders.js";
@@ -31,7 +31,8 @@ export function cutPanel(explorer) {
   const why = element("p", { class: "hint" });
   const box = group("Clip and slice", ...rows.map(row => row.box), element("div", { class: "buttons" }, reset), chosen, ...places.map(one => one.box), why);
 
-  function set({ clip, slice, kind }) {
+  function set(now) {
+    const { clip, slice, kind } = now;
     rows.forEach((row, k) => row.set(clip?.[k] ?? low[k], clip?.[3 + k] ?? high[k]));
     reset.disabled = !clip;
     chosen.querySelector("select").value = slice?.[0] ?? "";
@@ -39,7 +40,8 @@ export function cutPanel(explorer) {
       one.box.hidden = slice?.[0] !== AXES[k];
       if (!one.box.hidden) one.set(slice[1]);
     });
-    why.textContent = slice && kind === "isovalue" ? "A surface is not sliced: a slice has the colours of the volume."
+    why.classList.toggle("warning", isEmpty(now, facts.box));
+    why.textContent = isEmpty(now, facts.box) ? "Nothing is left to draw: widen the box, or move the slice into it." : slice && kind === "isovalue" ? "A surface is not sliced: a slice has the colours of the volume."
       : clip || slice ? "Drawn from the emulated field, which alone can be cut exactly." : "";
   }
   set(setting());

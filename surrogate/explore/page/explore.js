@@ -10,6 +10,7 @@ import { exportPanel } from "./exports.js";
 import { listen } from "./hands.js";
 import { Here } from "./here.js";
 import { link } from "./link.js";
+import { firstFacts, Lost } from "./lost.js";
 import { Making } from "./making.js";
 import { cameraOf, rounded, seenAlong } from "./orbit.js";
 import { overlay, saidOf } from "./overlay.js";
@@ -51,7 +52,7 @@ class Explorer {
     this.probe.listen(this.stage);
     new ResizeObserver(() => this.resized()).observe(this.stage);
     window.addEventListener("hashchange", () => { if (location.hash !== this.written) this.readAddress(); });
-    connection.listen({ lost: reason => this.lose(reason), back: () => this.findAgain(), late: seconds => this.wait(seconds) });
+    this.lost.listen();
   }
 
   // ---- the page
@@ -64,7 +65,7 @@ class Explorer {
     });
     this.tabs = tabs("View mode", "mode", "stage-tab", "view", Object.entries(MODE_NAMES), mode => this.set({ mode }));
     this.alert = element("p", { id: "alert", role: "alert", hidden: true });
-    this.lost = element("p", { id: "lost", role: "alert", hidden: true });
+    this.lost = new Lost(this);
     this.note = element("div", { id: "note", role: "status", hidden: true });
     this.status = element("p", { id: "status" });
     this.trust = new Trust(this);
@@ -77,7 +78,7 @@ class Explorer {
     this.side = element("aside", { "aria-label": "Controls" });
     document.body.replaceChildren(
       element("header", { id: "top" }, element("h1", {}, facts.title), this.tabs, this.steps.box, this.probe.tool, this.room.tools),
-      element("main", { id: "stage-panel" }, element("div", { id: "stage-tab", role: "tabpanel" }, this.note, this.stage, this.probe.cross, this.probe.reading, this.alert, this.lost, this.colorbar)),
+      element("main", { id: "stage-panel" }, element("div", { id: "stage-tab", role: "tabpanel" }, this.note, this.stage, this.probe.cross, this.probe.reading, this.alert, this.lost.box, this.colorbar)),
       this.side, this.room.keys,
     );
   }
@@ -368,34 +369,6 @@ class Explorer {
     this.failed = true;
     this.say(error.message);
   }
-
-  // ---- a program that stops
-
-  lose(reason) {
-    this.lost.textContent = `The explorer has stopped. ${reason || "Start it again on its machine: this page waits for it, and keeps what it shows."}`;
-    this.lost.hidden = false;
-    document.body.classList.add("is-lost");
-  }
-
-  /** Say for how long there has been no answer; 0 when one came. */
-  wait(seconds) {
-    if (document.body.classList.contains("is-lost")) return;
-    this.lost.textContent = `No answer for ${seconds} s: the explorer is busy or hangs, or the line is down. This page waits for it.`;
-    this.lost.hidden = !seconds;
-  }
-
-  /** The program is back: the same run goes on where it was, another one is shown anew. */
-  async findAgain() {
-    const facts = await firstFacts();
-    if (JSON.stringify(facts) !== JSON.stringify(this.facts)) {
-      this.writeAddress();
-      location.reload();
-      return;
-    }
-    this.lost.hidden = true;
-    document.body.classList.remove("is-lost");
-    this.stream.settle();
-  }
 }
 
 /** What the controls are built for, as text: other values of the same controls move them only. */
@@ -407,18 +380,6 @@ function differing({ psnr, maximum }) {
   if (maximum === 0) return "The pictures are bitwise the same.";
   if (maximum < 0.5 / 255) return "The pictures differ by less than the rounding to 8 bits.";
   return `PSNR ${psnr.toFixed(2)} dB (higher is better), largest difference ${digits(+maximum.toPrecision(2))}`;
-}
-
-/** The facts, as soon as the program can be asked. */
-async function firstFacts() {
-  for (;;) {
-    try {
-      return await connection.facts();
-    } catch (error) {
-      if (!(error instanceof connection.Gone)) throw error;
-      await new Promise(resolve => { setTimeout(resolve, ADDRESSED); });
-    }
-  }
 }
 
 const facts = await firstFacts();

@@ -22,7 +22,7 @@ export function saidOf(setting, state, facts) {
 }
 
 /** Straight colours of ink and of what surrounds it on a background "#rrggbb". */
-function inksOf(background) {
+export function inksOf(background) {
   const [red, green, blue] = [1, 3, 5].map(at => parseInt(background.slice(at, at + 2), 16) / 255);
   return 0.2126 * red + 0.7152 * green + 0.0722 * blue > LIGHT ? ["#101216", "#ffffff"] : ["#f1f3f6", "#101216"];
 }

@@ -185,8 +185,8 @@ export class Parallel {
   drawAxes(context, xs, color) {
     const [, height] = this.size, apart = xs.length > 1 ? xs[1] - xs[0] : 200, isTight = this.axes.some(({ label }) => LETTER * label.length > apart - 6);
     const write = (text, x, y, name, weight, room) => {
-      const most = Math.max(4, Math.floor(room / LETTER)), shown = text.length > most ? `${text.slice(0, most - 1)}…` : text;
       context.font = `${weight} 11px ${getComputedStyle(document.body).fontFamily}`;
+      const shown = elided(text, room, word => context.measureText(word).width);
       const half = context.measureText(shown).width / 2 + 2, [width] = this.size;
       Object.assign(context, { fillStyle: color(name), textAlign: "center", textBaseline: "alphabetic" });
       context.fillText(shown, Math.max(half, Math.min(width - half, x)), y);
@@ -199,8 +199,8 @@ export class Parallel {
       context.lineTo(xs[i], height - BOTTOM);
       context.stroke();
       write(axis.label, xs[i], isTight && i % 2 ? 25 : 12, axis.isOutcome ? "accent" : "ink", 600, isTight ? 2 * apart - 6 : apart - 6);
-      write(digits(axis.high, axis.high - axis.low, numbers), xs[i], TOP - 11, "quiet", 400, apart - 2);
-      write(digits(axis.low, axis.high - axis.low, numbers), xs[i], height - 6, "quiet", 400, apart - 2);
+      write(digits(axis.high, axis.high - axis.low, numbers), xs[i], TOP - 11, "quiet", 400, Infinity);
+      write(digits(axis.low, axis.high - axis.low, numbers), xs[i], height - 6, "quiet", 400, Infinity);
       if (this.here[i] === null || this.here[i] === undefined) return;
       Object.assign(context, { strokeStyle: color("accent"), fillStyle: color("panel"), lineWidth: 2 });
       context.beginPath();
@@ -224,6 +224,13 @@ export class Parallel {
       made.setAttribute("aria-valuenow", at.toFixed(3));
       made.setAttribute("aria-valuetext", `${digits(+valueOn(axis, at).toPrecision(4))}${axis.unit ? ` ${axis.unit}` : ""}`);
     }
+  }
+}
+
+/** A text, or as much of its beginning and end as fits in a room, by its `width(text)`: names often differ in their ends. */
+export function elided(text, room, width) {
+  for (let letters = text.length, shown = text; ; shown = `${text.slice(0, --letters >> 1)}…${text.slice(1 - letters + (letters >> 1))}`) {
+    if (letters <= 3 || width(shown) <= room) return shown;
   }
 }
 

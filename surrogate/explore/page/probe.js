@@ -5,6 +5,7 @@ import { lensOf } from "./annotations.js";
 import { Gone, probed } from "./connection.js";
 import { group } from "./groups.js";
 import { Newest } from "./newest.js";
+import { inksOf } from "./overlay.js";
 import { current, messageOf, MOST_PINS } from "./state.js";
 
 const APART = 14, STILL = 4; // pixels of the reading from the pointer, and of a press that moves nothing
@@ -32,6 +33,7 @@ export class Probe {
     stage.addEventListener("pointerleave", () => this.leave());
     stage.addEventListener("click", event => this.click(event));
     stage.addEventListener("focusout", () => this.leave());
+    stage.addEventListener("input", () => this.drawPins()); // the divider of two pictures
     stage.addEventListener("keydown", event => {
       if (!this.isOn || event.key !== "Enter" || event.target !== stage) return;
       event.preventDefault();
@@ -90,14 +92,17 @@ export class Probe {
   /** Where an event lies in a pane that shows a prediction: { pane, pixel, x, y }; null elsewhere. */
   placeOf({ clientX, clientY }) {
     const { panes, planned } = this.explorer, isIn = box => clientX >= box.left && clientX < box.right && clientY >= box.top && clientY < box.bottom;
-    const within = panes.findIndex(one => isIn(one.box.getBoundingClientRect())), divider = parseFloat(this.stage.style.getPropertyValue("--swipe")) / 100;
+    const within = panes.findIndex(one => isIn(one.box.getBoundingClientRect()));
     if (!this.frame || within < 0) return null;
-    const box = panes[within].canvas.getBoundingClientRect(), pane = planned.isSwipe && clientX > box.left + divider * box.width ? 1 : within;
+    const box = panes[within].canvas.getBoundingClientRect(), pane = planned.isSwipe && clientX > box.left + this.divider * box.width ? 1 : within;
     if (pane >= planned.settings.length) return null;
     const { size } = this.frame, scale = Math.min(box.width / size[0], box.height / size[1]);
     const pixel = [clientX - box.left - (box.width - scale * size[0]) / 2, clientY - box.top - (box.height - scale * size[1]) / 2].map(x => x / scale);
     return pixel.every((x, k) => x >= 0 && x <= size[k]) ? { pane, pixel, x: clientX, y: clientY } : null;
   }
+
+  /** The share of the width that the divider of two pictures stands at. */
+  get divider() { return parseFloat(this.stage.style.getPropertyValue("--swipe")) / 100; }
 
   middle() {
     const box = this.explorer.panes[0].canvas.getBoundingClientRect();
@@ -164,7 +169,6 @@ export class Probe {
     if (!camera) return;
     const key = keyOf(settings, state.pins);
     if (state.pins.length && this.known?.key !== key) this.pinned.wish({ request: this.about(settings, camera, size), pins: state.pins, key });
-    if (this.isOn && this.at) this.point({ clientX: this.at.x, clientY: this.at.y });
     const isAlone = this.isOn && !this.at && document.activeElement === this.stage && this.stage.matches(":focus-visible");
     if (isAlone) this.ask(this.middle(), false);
   }
@@ -174,10 +178,11 @@ export class Probe {
     this.showPins();
   }
 
-  /** The newest frame is on the screen: pins lie over it. */
+  /** The newest frame is on the screen: pins lie over it, and another value under the pointer. */
   annotate({ camera, size }) {
     this.frame = { camera, size };
     this.drawPins();
+    if (this.isOn && this.at) this.point({ clientX: this.at.x, clientY: this.at.y });
   }
 
   /** The settings whose values are said: all of a comparison. */
@@ -207,18 +212,20 @@ export class Probe {
   drawPins() {
     const { panes, planned, state } = this.explorer, known = this.values();
     if (!this.frame || !planned || planned.kind === "sweep") return;
-    const lens = lensOf(this.frame.camera, this.frame.size);
+    const lens = lensOf(this.frame.camera, this.frame.size), [ink, around] = inksOf(state.background);
     for (const [which, pane] of panes.slice(0, planned.truth ? 2 : planned.settings.length).entries()) {
-      if (!pane.pins) pane.marks.after(pane.pins = drawn("svg", { class: "annotations", "aria-hidden": "true" }));
+      if (!pane.pins) pane.marks.after(pane.pins = drawn("svg", { class: "annotations of-pins", "aria-hidden": "true" }));
+      pane.pins.style.cssText = `--ink-here: ${ink}; --around-here: ${around}`;
       pane.pins.setAttribute("viewBox", `0 0 ${pane.canvas.clientWidth} ${pane.canvas.clientHeight}`);
-      pane.pins.replaceChildren(...state.pins.flatMap((place, i) => this.mark(lens.project(place), pane.canvas, i, known?.pins[which] && shortOf(known.pins[which][i], known.unit))));
+      pane.pins.replaceChildren(...state.pins.flatMap((place, i) => this.mark(lens.project(place), pane.canvas, i, known?.pins[which] && shortOf(known.pins[which][i], known.unit), which)));
     }
   }
 
-  mark([right, down, depth], { clientWidth: width, clientHeight: height }, i, text) {
+  mark([right, down, depth], { clientWidth: width, clientHeight: height }, i, text, which) {
     const { size } = this.frame, scale = Math.min(width / size[0], height / size[1]);
     const x = (width - scale * size[0]) / 2 + scale * right, y = (height - scale * size[1]) / 2 + scale * down;
     if (!(depth > 0) || x < 0 || y < 0 || x > width || y > height) return [];
+    if (this.explorer.planned.isSwipe && which !== Number(x > this.divider * width)) return []; // values stand over their own picture
     return [
       drawn("circle", { class: "pin", cx: x, cy: y, r: RADIUS }), drawn("text", { class: "pin-number", x, y, "text-anchor": "middle", "dominant-baseline": "central" }, String(i + 1)),
       text && drawn("text", { class: "pin-value", x: x + RADIUS + 5, y, "dominant-baseline": "central" }, text),
