@@ -79,7 +79,8 @@ def test_parts_of_a_link_are_named_and_the_note_closes_on_a_phone(new_page: NewP
     lines = page.locator("#note li").all_inner_texts()
     assert [line.split(" = ")[0] for line in lines] == ["C: p", "D: q"]
     close = page.locator("#note button").bounding_box()
-    assert close is not None and close["width"] > 1.3 * close["height"]  # one line
+    assert close is not None
+    assert close["width"] > 1.3 * close["height"]  # one line
 
 
 def test_names_that_do_not_fit_keep_their_ends(page: Page, two: str) -> None:
