@@ -1,4 +1,4 @@
-"""Where parts of the page meet: pins under a divider, values while something plays, and cuts that leave nothing."""
+"""Combinations of the page's parts: pins under a divider, values while something plays, cuts that leave nothing."""
 
 from __future__ import annotations
 
