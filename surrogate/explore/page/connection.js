@@ -162,7 +162,10 @@ export async function exported(request, { count, signal }) {
     if (made) count(...made);
   }, BETWEEN);
   try {
-    return await fileOf(await fetch(`export?ticket=${ticket}`, { method: "POST", headers, body: JSON.stringify(request), signal }));
+    const response = await fetch(`export?ticket=${ticket}`, { method: "POST", headers, body: JSON.stringify(request), signal }).catch(error => {
+      throw error instanceof TypeError ? new Gone("Nothing was saved: the explorer has stopped.") : error;
+    });
+    return await fileOf(response);
   } finally {
     clearInterval(watching);
   }

@@ -4,6 +4,7 @@ import { button, drawn, element } from "../web/elements.js";
 import { current, endsOf, messageOf, mostRows, rangeOf, sweptOf, withValue } from "./state.js";
 import { described, valued } from "./words.js";
 
+const MOST_LETTERS = 60; // of a caption
 const WIDE = 1.35; // width of a usual stage in heights
 
 /** A picture with words on it: its name, what it shows, and what error to expect. */
@@ -54,6 +55,12 @@ function differences(settings, facts) {
   return words.map(own => own.filter(word => !words.every(other => other.includes(word))).join(", "));
 }
 
+/** Settings in words, of long ones what is different alone: captions lie over pictures. */
+function briefly(settings, facts) {
+  const words = settings.map(setting => described(setting, facts));
+  return words.some(word => word.length > MOST_LETTERS) ? differences(settings, facts) : words;
+}
+
 /**
  * What the stage holds for a state: { kind, labels, words, columns, settings, heads, difference, truth, isSwipe }; `cells` are the settings of a
  * sweep, `shown` those of a comparison.
@@ -70,7 +77,7 @@ export function plan(state, facts) {
   if (state.mode === "compare" && state.against === "three")
     return { kind: "four", labels: ["A", "B", "C", "D"], words: differences(state.settings, facts), columns: 2, shown: state.settings, settings: state.settings.map(setting => messageOf(setting, facts)) };
   if (state.mode === "compare") {
-    const pair = state.settings.slice(0, 2), words = pair.map(setting => described(setting, facts));
+    const pair = state.settings.slice(0, 2), words = briefly(pair, facts);
     return { kind: "compare", labels: ["A", "B", "difference"], words, columns: 3, shown: pair, settings: pair.map(setting => messageOf(setting, facts)), difference: true, isSwipe };
   }
   return { kind: "view", labels: [""], words: [], columns: 1, settings: [messageOf(shown, facts)] };

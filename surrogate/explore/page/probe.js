@@ -120,6 +120,7 @@ export class Probe {
 
   /** Say what is seen at a place, and pin it where it was pressed. */
   read({ seen, unit }, { at, isPress }) {
+    this.why = null;
     if (isPress) this.pin(seen);
     if (!this.isOn || at.isTouch || !isPress && !at.isMiddle && !this.at) return;
     const lines = !seen ? [["Nothing is seen here"]] : [seen.value === null ? ["no value beside holes"] : linesOf(seen, unit), [seen.place.map((x, k) => `${"xyz"[k]} ${digits(x, Infinity, 4)}`).join("  ")]].flat();
@@ -134,9 +135,9 @@ export class Probe {
   }
 
   fail(error) {
-    if (error instanceof Gone) return;
-    this.why = error.message;
     this.leave();
+    if (error instanceof Gone) return; // it is said where it happens
+    this.why = error.message;
     this.refresh();
   }
 
@@ -203,7 +204,7 @@ export class Probe {
   showPins() {
     const { pins } = this.explorer.state, known = this.values();
     this.list.replaceChildren(...pins.map((place, i) => element("li", {},
-      element("span", {}, element("b", {}, String(i + 1)), ` ${known ? known.pins.map((own, which) => `${known.pins.length > 1 ? `${"ABCD"[which]}: ` : ""}${shortOf(own[i], known.unit)}`).join(", ") : "…"}`,
+      element("span", {}, element("b", {}, String(i + 1)), ` ${known ? known.pins.map((own, which) => `${known.pins.length > 1 ? `${"ABCD"[which]}: ` : ""}${shortOf(own[i], known.unit)}`).join(", ") : this.why ? "no value" : "…"}`,
         element("small", {}, place.map((x, k) => `${"xyz"[k]} ${digits(x, Infinity, 4)}`).join(" "))),
       button("×", () => this.remove(i), { class: "plain", "aria-label": `Remove pin ${i + 1}` }))));
     this.drawPins();

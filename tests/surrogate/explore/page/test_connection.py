@@ -29,6 +29,12 @@ def test_the_page_goes_on_when_its_program_is_started_again(
         lost.wait_for()
         assert "The explorer has stopped" in lost.inner_text()
         process.wait(timeout=60)
+        bar, said = page.locator("#top").bounding_box(), lost.bounding_box()
+        assert bar is not None
+        assert said is not None
+        assert said["y"] >= bar["y"] + bar["height"]
+        page.locator("#export").click()
+        page.get_by_text("Nothing was saved: the explorer has stopped.").wait_for()
     page.locator("#parameter-0").press("ArrowRight")  # what is set meanwhile is shown later
     with command(own_run) as (process, line):
         assert address_in(line) == address

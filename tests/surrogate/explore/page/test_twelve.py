@@ -14,8 +14,9 @@ from catalogs.vocabulary.parameters import Parameter, ParameterSpace
 from surrogate import Surrogate
 from surrogate.deformation import BilinearDeformation
 from surrogate.settings import TrainingSettings
-from tests.support.browsers import NewPage, serious_findings
+from tests.support.browsers import PHONE, NewPage, serious_findings
 from tests.support.drawn_pages import opened
+from tests.support.explored import go
 from tests.support.surrogates import some_surrogate
 
 if TYPE_CHECKING:
@@ -81,3 +82,16 @@ def test_the_picture_says_all_of_them_beside_the_bar(laptop: Page) -> None:
     assert bar is not None
     assert all(right <= bar["x"] or top >= bar["y"] + bar["height"] for _, top, _, right in words)
     assert all(later[1] >= earlier[2] - 2 for earlier, later in pairwise(words))
+
+
+def test_captions_of_a_comparison_say_what_differs_and_leave_pictures_free_on_a_phone(
+    new_page: NewPage, tmp_path: Path
+) -> None:
+    page = new_page(viewport=PHONE, has_touch=True)
+    opened(page, twelve(), tmp_path)
+    go(page, "mode=compare&b.p.density_2=2.5")
+    page.wait_for_function("() => document.querySelectorAll('.pane').length === 3")
+    first, second, _ = page.locator(".pane .shown").all_inner_texts()
+    assert [text.split(" = ")[0] for text in (first, second)] == ["density_2"] * 2
+    captions = page.locator(".pane figcaption").evaluate_all("all => all.map(e => e.getBoundingClientRect().right)")
+    assert max(captions) < 0.4 * PHONE["width"]
