@@ -47,7 +47,7 @@ export function snapshotsPanel(explorer) {
     playing = requestAnimationFrame(step);
 
     function step(now) {
-      const place = Math.min((now - began) / 1000 / SECONDS, stops.length - 1), i = Math.min(Math.floor(place), stops.length - 2);
+      const seconds = Math.max(0, now - began) / 1000, place = Math.min(seconds / SECONDS, stops.length - 1), i = Math.min(Math.floor(place), stops.length - 2);
       if (!play.isConnected) return;
       explorer.travel(stateBetween(stops[i], stops[i + 1], place - i, facts));
       if (place < stops.length - 1) playing = requestAnimationFrame(step);

@@ -108,3 +108,11 @@ def test_a_film_and_a_session_are_saved(page: Page, explorer: str, surrogate: Su
     wrong.write_text('["javascript:alert(1)"]')
     page.locator("#open-session").set_input_files(wrong)
     page.wait_for_function("() => document.getElementById('alert').textContent.includes('is not a session')")
+
+
+def test_they_play_when_a_frame_began_before_the_press(page: Page, explorer: str) -> None:
+    two_snapshots(page, explorer)
+    page.evaluate("const now = performance.now.bind(performance); performance.now = () => now() + 100;")
+    page.locator("#play-snapshots").click()
+    page.wait_for_function("() => document.getElementById('play-snapshots').getAttribute('aria-pressed') === 'false'")
+    assert request_of(page)["settings"][0]["parameters"]["p"] == pytest.approx(0.9)
