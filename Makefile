@@ -18,7 +18,7 @@ SOURCES := pyproject.toml constraints.txt CMakeLists.txt $(wildcard surrogate/ke
 EXAMPLE := $(shell sed -n 's|^script = "../examples/\([^/"]*\)/.*|\1|p' scenes/$(SCENE).toml 2>/dev/null)
 HOOKED  := $(if $(EXAMPLE),.venv-$(EXAMPLE)/.complete)
 
-.PHONY: help setup dataset train evaluate repeat results ablate ablate-visualization compare browse test test-fast test-research lint clients examples bench explore clean-scene
+.PHONY: help setup dataset train evaluate repeat results ablate ablate-visualization compare browse test test-fast test-research lint packages clients examples bench explore clean-scene
 
 help:
 	@echo "make dataset train [SCENE=$(SCENE)]   simulate, render, train, evaluate -> $(RUNS)/<scene>/report/"
@@ -29,6 +29,7 @@ help:
 	@echo "make test | test-research        every test of the product (make test-fast: the quick ones), or of research/"
 	@echo "make browse | explore [SCENE=$(SCENE)]   its pictures, or its surrogate, in a browser"
 	@echo "make examples                    environments of the simulation codes of examples/: minutes"
+	@echo "make packages                    sdist and wheel, tried in empty environments: a minute for each Python"
 	@echo "make setup | dataset | train | evaluate | browse | lint | bench, one by one"
 	@echo "scenes: $(basename $(notdir $(wildcard scenes/*.toml)))"
 
@@ -109,6 +110,10 @@ $(PYTHON) -m venv --clear .venv-$*
 .venv-$*/bin/python -m pip install --quiet --disable-pip-version-check $(1)
 @touch $@
 endef
+
+# The sdist, and the wheel of each Python, each alone in an empty environment: `make packages PYTHONS="python3.11 python3.12"`.
+packages: $(SETUP)
+	$(BIN)/python .ci/check_packages.py $(PYTHONS)
 
 lint: $(SETUP)
 	$(BIN)/ruff check . && $(BIN)/ruff format --check .
