@@ -24,12 +24,12 @@ def comparison(
     *,
     background: Sequence[float],
     record: Mapping[str, Any] | None = None,
-    over: Callable[[NDArray[np.float32]], NDArray[np.float32]] = lambda image: image,
+    over: Callable[[NDArray[np.float32], int], NDArray[np.float32]] = lambda image, number: image,
 ) -> bytes:
     """A PNG of two images of one size, (H, W, 3), and of their absolute difference.
 
     `words` stand above each of the two, a paragraph each; the difference has its numbers above and its scale below.  Raises
-    ValueError for images of two sizes.  `over` draws over both of them.
+    ValueError for images of two sizes.  `over` draws over both of them, number 0 and 1.
     """
     difference = difference_of(first, second)
     height, width = first.shape[:2]
@@ -54,7 +54,8 @@ def comparison(
     entries = np.linspace(0, ENTRIES - 1, max(1, stop - start)).astype(int)
     bar = np.broadcast_to(color_table()[entries], (BAR, len(entries), 3))
     images = [
-        ((x, above), image) for x, image in zip(lefts, (over(first), over(second), difference.picture), strict=True)
+        ((x, above), image)
+        for x, image in zip(lefts, (over(first, 0), over(second, 1), difference.picture), strict=True)
     ]
     images.append(((start, top + (line - BAR) // 2), bar))
     texts += [((left, top + line / 2), ends[0], "lm"), ((left + width, top + line / 2), ends[1], "rm")]

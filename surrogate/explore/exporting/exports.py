@@ -197,10 +197,11 @@ class ComparisonRequest:
         other = "its stored picture" if self.other is None else self.other.described(run.origins)
         return f"{self.setting.described(run.origins)} beside {other}"
 
-    def _over(self, run: Run) -> Callable[[NDArray[np.float32]], NDArray[np.float32]]:
-        """A function that draws the box over a picture, once the difference is known; words stand beside it."""
-        said = annotations_of(run, self.setting, [part for part in self.annotations if part == "box"])
-        return lambda image: annotated(image, said, self.camera, self.background) if said.parts else image
+    def _over(self, run: Run) -> Callable[[NDArray[np.float32], int], NDArray[np.float32]]:
+        """A function that draws the box, and what is cut, over picture 0 or 1, once the difference is known."""
+        parts = [part for part in self.annotations if part == "box"]
+        said = [annotations_of(run, setting, parts) for setting in (self.setting, self.other or self.setting)]
+        return lambda image, i: annotated(image, said[i], self.camera, self.background) if parts else image
 
     def _render(self, setting: Setting, run: Run) -> NDArray[np.float32]:
         return setting.member(run.surrogate).render(self.camera, background=self.background)[..., :3]

@@ -4,8 +4,16 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 import pytest
 
+from surrogate.evaluation.metrics import WHITE
+from surrogate.explore.exporting import exports
+from surrogate.explore.exporting.marks import annotated, annotations_of
+from surrogate.explore.facts import box_of
+from surrogate.explore.run import Run
+from surrogate.explore.setting import Setting
+from surrogate.ray_casting.cuts import Cut
 from tests.support.browsers import PHONE, NewPage
 from tests.support.explored import go, open_explorer, settled
 
@@ -93,3 +101,34 @@ def test_names_that_do_not_fit_keep_their_ends(page: Page, two: str) -> None:
         [["density_1", 20], ["density_1", 6], ["density_1", 5], ["density_1", 1], ["Re", 2]],
     )
     assert elided == ["density_1", "den…_1", "de…_1", "d…1", "Re"]
+
+
+def test_each_picture_of_a_saved_comparison_has_its_own_cut(two_run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+    drawn: list[Any] = []
+    monkeypatch.setattr(
+        exports,
+        "comparison",
+        lambda first, second, words, over, **rest: drawn.extend([over(first, 0), over(second, 1)]),
+    )
+    (low, high), camera = box_of(two_run), two_run.cameras[0]
+    settings = [Setting({"p": 0.4, "q": 10.0}, cut=cut) for cut in (Cut(plane=(2, (low[2] + high[2]) / 2)), None)]
+    exports.ComparisonRequest(settings[0], camera, settings[1], annotations=("box",)).content(two_run, print)
+    for picture, setting in zip(drawn, settings, strict=True):
+        plain = setting.member(two_run.surrogate).render(camera, background=WHITE)[..., :3]
+        np.testing.assert_array_equal(
+            picture, annotated(plain, annotations_of(two_run, setting, ("box",)), camera, WHITE)
+        )
+
+
+def test_numbers_on_the_way_between_snapshots_have_few_digits(page: Page, two: str) -> None:
+    open_explorer(page, two)
+    setting = page.evaluate(
+        """async addresses => {
+          const { stateOf } = await import("/explore/address.js"), { stateBetween } = await import("/explore/journey.js");
+          const [first, last] = addresses.map(address => stateOf(address, window.explorer.facts).state);
+          return stateBetween(first, last, 0.3, window.explorer.facts).settings[0];
+        }""",
+        ["#a.p.p=0.1&a.p.q=1.7&a.slice=z,0.1", "#a.p.p=0.7&a.p.q=31&a.slice=z,0.9&a.clip=0,0,0,0.5,1,1"],
+    )
+    for value in (*setting["parameters"].values(), setting["slice"][1], *setting["clip"]):
+        assert len(str(value)) <= 8, setting
