@@ -78,7 +78,7 @@ function ends(axis, low, high, changed) {
       hands[end].value = value;
       numbers[end].set(value);
     });
-    const [start, stop] = now.map(value => 100 * (value - low) / (high - low));
+    const [start, stop] = now.map(value => 100 * Math.max(0, Math.min(1, (value - low) / (high - low))));
     between.style.left = `${start}%`;
     between.style.width = `${stop - start}%`;
     hands[0].classList.toggle("is-above", start > 50); // so that both can be taken where they meet

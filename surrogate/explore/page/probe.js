@@ -9,7 +9,7 @@ import { inksOf } from "./overlay.js";
 import { current, messageOf, MOST_PINS } from "./state.js";
 
 const APART = 14, STILL = 4; // pixels of the reading from the pointer, and of a press that moves nothing
-const RADIUS = 9; // pixels of a pin
+const RADIUS = 9, LETTER = 7; // pixels of a pin and of a letter beside it
 
 export class Probe {
   constructor(explorer) {
@@ -226,10 +226,13 @@ export class Probe {
     const { size } = this.frame, scale = Math.min(width / size[0], height / size[1]);
     const x = (width - scale * size[0]) / 2 + scale * right, y = (height - scale * size[1]) / 2 + scale * down;
     if (!(depth > 0) || x < 0 || y < 0 || x > width || y > height) return [];
-    if (this.explorer.planned.isSwipe && which !== Number(x > this.divider * width)) return []; // values stand over their own picture
+    const { isSwipe } = this.explorer.planned, divider = this.divider * width;
+    if (isSwipe && which !== Number(x > divider)) return []; // values stand over their own picture
+    const beside = RADIUS + 5, room = (isSwipe && !which ? divider : width) - x; // to the right
+    const [way, anchor] = beside + LETTER * (text?.length ?? 0) > room && x > room ? [-1, "end"] : [1, "start"];
     return [
       drawn("circle", { class: "pin", cx: x, cy: y, r: RADIUS }), drawn("text", { class: "pin-number", x, y, "text-anchor": "middle", "dominant-baseline": "central" }, String(i + 1)),
-      text && drawn("text", { class: "pin-value", x: x + RADIUS + 5, y, "dominant-baseline": "central" }, text),
+      text && drawn("text", { class: "pin-value", x: x + way * beside, y, "text-anchor": anchor, "dominant-baseline": "central" }, text),
     ].filter(Boolean);
   }
 }

@@ -44,4 +44,4 @@ export function extrapolation(p, low, high = low) {
 }
 
 /** The same of one picture, as short as can be. */
-export const shortest = expected => expected.psnr === null ? (expected.warning ? "error not known" : "") : `${expected.psnr.toFixed(1)} dB`;
+export const shortest = expected => expected.psnr === null ? (expected.warning ? "— dB" : "") : `${expected.psnr.toFixed(1)} dB`;

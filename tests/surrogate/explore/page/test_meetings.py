@@ -25,6 +25,14 @@ pytestmark = pytest.mark.slow
 KNOWN = "() => window.explorer.probe.values()"
 SEEN = """() => [...document.querySelectorAll('#stage .pane')].map(pane =>
   [...pane.querySelectorAll('.pin-value')].map(made => made.textContent))"""
+EDGES = """() => [...document.querySelectorAll('.pin-value')].map(made => {
+  const pane = made.closest('.pane'), { left, right } = made.getBoundingClientRect(), all = pane.getBoundingClientRect();
+  const divider = parseFloat(document.getElementById('stage').style.getPropertyValue('--swipe')) / 100;
+  const most = document.getElementById('swipe') && !pane.previousElementSibling ? divider * all.width : all.width;
+  return [left - all.left, right - all.left, most];
+})"""
+WITHIN = """() => [...document.querySelectorAll('.between')].every(({ offsetLeft, offsetWidth, parentElement }) =>
+  offsetLeft >= 0 && offsetLeft + offsetWidth <= parentElement.offsetWidth + 1)"""
 INK = "() => getComputedStyle(document.querySelector('.pin-value')).fill"
 
 
@@ -38,6 +46,15 @@ def test_values_at_pins_stand_over_their_own_picture(page: Page, two: str) -> No
     assert values["End"][1] == values["Home"][0] == []
     assert len(values["End"][0]) == len(values["Home"][1]) == 1
     assert values["End"][0] != values["Home"][1]
+
+
+def test_values_at_pins_stay_in_their_picture(new_page: NewPage, two: str) -> None:
+    page = new_page(viewport=PHONE, has_touch=True)
+    for state in ("mode=compare&layout=swipe", "mode=view"):
+        open_explorer(page, two, f"{state}&pins=0.5,0.5,0.5;0.9,0.1,0.1;0.1,0.9,0.9&a.p.p=0.1&b.p.p=0.9")
+        page.wait_for_function("() => document.querySelectorAll('.pin-value').length >= 3")
+        edges = page.evaluate(EDGES)
+        assert all(left >= 0 and right <= most for left, right, most in edges), (state, edges)
 
 
 def test_values_at_pins_are_read_on_the_background(page: Page, two: str) -> None:
@@ -79,6 +96,7 @@ def test_a_cut_that_leaves_nothing_is_said(page: Page, two: str) -> None:
         go(page, address)
         settled(page)
         assert page.get_by_text("Nothing is left to draw").is_visible() == is_empty, address
+        assert page.evaluate(WITHIN), address
 
 
 def test_parts_of_a_link_are_named_and_the_note_closes_on_a_phone(new_page: NewPage, two: str) -> None:
