@@ -14,6 +14,7 @@ const NEAR = 1e-3; // of the box's diagonal
 const NAMES = "xyz", AXES = ["#e5605e", "#4fa35f", "#5b8def"], ARM = 28, CORNER = 54;
 const PIN = 9; // pixels of a ring at scale 1
 export const LEFT = 18, TOP = 20;
+const BESIDE_BAR = 2; // lines of words beside the bar of the page
 const LINE = 15, MOST_LINES = 5, WIDTH_OF_LETTER = 0.58; // of words below the title; a letter's share of its height
 const LEGEND_TOP = 66, BAR = 12, CURVE = 26, STEPS = 64, TALLEST = 240;
 
@@ -164,16 +165,16 @@ function axesOf(lens, size, scale) {
 const lettersIn = (width, scale, letter) => Math.max(8, Math.floor((width / scale - 2 * LEFT) / (WIDTH_OF_LETTER * letter)));
 const short = (text, most) => text.length > most ? `${text.slice(0, most - 1)}…` : text;
 
-/** Settings in lines that are no wider than `width`, broken between them. */
-export function linesOf(words, width, scale) {
-  const most = lettersIn(width, scale, 12), lines = [];
+/** Settings in lines that are no wider than `width`, those below a bar than `below`, broken between them. */
+export function linesOf(words, width, scale, below = width) {
+  const most = i => lettersIn(i < BESIDE_BAR ? width : Math.max(width, below), scale, 12), lines = [];
   for (const part of words.split(/ (?=·)|(?<=,) /)) {
     const longer = lines.length ? `${lines.at(-1)} ${part}` : part;
-    if (lines.length && longer.length <= most) lines[lines.length - 1] = longer;
+    if (lines.length && longer.length <= most(lines.length - 1)) lines[lines.length - 1] = longer;
     else lines.push(part.replace(/^· /, ""));
   }
   if (lines.length > MOST_LINES) lines[MOST_LINES - 1] += " …";
-  return lines.slice(0, MOST_LINES).map(line => short(line, most));
+  return lines.slice(0, MOST_LINES).map((line, i) => short(line, most(i)));
 }
 
 function titleOf(title, lines, [width], scale) {

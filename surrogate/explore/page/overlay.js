@@ -8,6 +8,7 @@ import { variation } from "./state.js";
 import { described } from "./words.js";
 
 const FONT = "system-ui, 'DejaVu Sans', sans-serif", REACH = 9; // pixels around an axis' name that hear a click
+const WIDEST = 430; // pixels of words below the bar
 const OVER = 60; // pixels of a picture below which no bar is in the way
 const LIGHT = 0.5; // luminance of a background from which on ink is dark
 
@@ -35,7 +36,7 @@ const GROUPS = { // parts that are drawn anew together, when something that they
 
 /** Show the marks of a picture in an SVG of `size` (CSS pixels); `look(axis)` hears that an axis is chosen. */
 export function overlay(svg, plain, look) {
-  const lines = linesOf(plain.words, freeAbove(svg), 1), rows = plain.shown.includes("title") ? lines.length : 0;
+  const lines = linesOf(plain.words, freeAbove(svg), 1, Math.min(plain.size[0], WIDEST)), rows = plain.shown.includes("title") ? lines.length : 0;
   const given = { ...plain, lines, rows }, { size, background, shown, camera } = given, inks = inksOf(background);
   if (!svg.firstChild) {
     svg.append(...Object.keys(GROUPS).map(() => drawn("g", { "aria-hidden": "true" })), drawn("g", {}, ...[0, 1, 2].map(axis => axisButton(axis, look))));

@@ -73,6 +73,16 @@ def test_every_parameter_has_a_low_row_of_its_own(laptop: Page) -> None:
     assert serious_findings(laptop) == []
 
 
+def test_words_below_the_bar_are_wider_on_a_small_window(laptop: Page) -> None:
+    laptop.set_viewport_size({"width": 1024, "height": 700})
+    laptop.wait_for_function("() => window.explorer.resting")
+    (_, *beside), (_, *below) = laptop.evaluate(WORDS)[0], laptop.evaluate(WORDS)[2]
+    bar = laptop.locator("#top").bounding_box()
+    assert bar is not None
+    assert beside[2] <= bar["x"] < below[2]
+    assert below[0] >= bar["y"] + bar["height"]
+
+
 def test_the_picture_says_all_of_them_beside_the_bar(laptop: Page) -> None:
     words = laptop.evaluate(WORDS)
     said = " ".join(text for text, *_ in words)
