@@ -73,15 +73,25 @@ class Interval:
         """In a few words."""
         if self.psnr is None:
             return ": ".join(filter(None, [self.words, self.why]))
-        return f"{self.words}: PSNR {self.psnr:.1f} dB ({self.low:.1f} to {self.high:.1f})"
+        within = "" if self.low == MOST_DECIBELS else f" ({self._range})"
+        return f"{self.words}: PSNR {self._expected}{within}"
 
     @property
     def sentence(self) -> str:
         """All of it for a reader."""
         if self.psnr is None or self.share is None:
             return self.short
-        within = f"{self.low:.1f} to {self.high:.1f} dB in {self.share:.0%} of such pictures"
-        return f"{self.words}: PSNR {self.psnr:.1f} dB, {within} (calibrated by {self.source})"
+        within = "" if self.low == MOST_DECIBELS else f", {self._range}"
+        share = f"in {self.share:.0%} of such pictures (calibrated by {self.source})"
+        return f"{self.words}: PSNR {self._expected}{within} {share}"
+
+    @property
+    def _expected(self) -> str:
+        return f"{MOST_DECIBELS:.0f} dB or more" if self.psnr == MOST_DECIBELS else f"{self.psnr:.1f} dB"
+
+    @property
+    def _range(self) -> str:
+        return f"{self.low:.1f} dB or more" if self.high == MOST_DECIBELS else f"{self.low:.1f} to {self.high:.1f} dB"
 
     @property
     def warning(self) -> bool:

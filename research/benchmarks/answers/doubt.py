@@ -1,12 +1,12 @@
 """Intervals of pictures' PSNR, and maps of expected errors, against test members.
 
-    python -m research.benchmarks.answers.doubt RUN [RUN ...] [--views 4] [--write]
+    python -m research.benchmarks.answers.doubt RUN [RUN ...] [--views 4] [--calibrating 8] [--write]
 
 Each RUN is a folder of a run whose catalog is there. Prints Markdown. Test members are shown at test views, in the base
 appearance and one other of each kind. Columns are the rank correlation of expected and true PSNR of members, the mean
 absolute difference for pictures, the half width, and the share of pictures inside. Beside them, the same over random
-splits of the unseen members: eight of validation and test members calibrate, the others judge. The last is the area
-between the sparsification curves of map and truth, over the mean error. A map without knowledge has about 0.5.
+splits of the unseen members: eight (`--calibrating`) of validation and test members calibrate, the others judge. The
+last is the area between the sparsification curves of map and truth, over the mean error. A map without knowledge has about 0.5.
 """
 
 from __future__ import annotations
@@ -35,7 +35,8 @@ from surrogate.splatting.threads import one_torch_thread
 
 FRACTIONS = np.linspace(0.0, 0.95, 20)  # of pixels that are taken away
 FEWEST, SAME = 4, 0.2  # members and dB, of which a rank says something
-CALIBRATING, SPLITS = 8, 200
+SPLITS = 200
+JUDGING = 8  # members at least, where that leaves half of all to calibrate
 HEADER = [
     "run",
     "shown",
@@ -109,10 +110,10 @@ def _picture(run: Run, doubt: Doubt, catalog: Catalog, case: Shown, view: int) -
     )
 
 
-def random_splits(unseen: Unseen, seed: int = 0) -> tuple[float, float, float, float]:
-    """Mean error and half width (dB), promised and inside, where random members calibrate the others; NaN for too few."""
+def random_splits(unseen: Unseen, most: int, seed: int = 0) -> tuple[float, float, float, float]:
+    """Mean error and half width (dB), promised and inside, where at most `most` members calibrate the others; NaN for too few."""
     random, count = np.random.default_rng(seed), len(unseen.truths)
-    calibrating = min(CALIBRATING, count // 2)
+    calibrating = min(most, max(count // 2, count - JUDGING))
     rows = []
     for _ in range(SPLITS):
         chosen = np.zeros(count, dtype=bool)
@@ -167,7 +168,7 @@ def unseen_of(run: Run, doubt: Doubt, catalog: Catalog, kind: str, tested: Seque
     )
 
 
-def row_of(run: str, kind: str, tested: Sequence[TestPicture], unseen: Unseen | None) -> list[str]:
+def row_of(run: str, kind: str, tested: Sequence[TestPicture], unseen: Unseen | None, most: int) -> list[str]:
     """A row of the table."""
     members = sorted({one.case.member.name for one in tested})
     values = {name: np.array([getattr(one, name) for one in tested]) for name in ("truth", "expected", "half")}
@@ -178,7 +179,7 @@ def row_of(run: str, kind: str, tested: Sequence[TestPicture], unseen: Unseen | 
     off = np.abs(values["truth"] - values["expected"])
     asking, mapping = np.median([one.milliseconds for one in tested], axis=0)
     sparse, slopes = np.nanmean([(one.sparse, one.gradient) for one in tested], axis=0)
-    said, splits = np.isfinite(off), np.full(4, np.nan) if unseen is None else np.array(random_splits(unseen))
+    said, splits = np.isfinite(off), np.full(4, np.nan) if unseen is None else np.array(random_splits(unseen, most))
     return [
         run,
         kind.replace("_", " "),
@@ -212,6 +213,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser = command_line("answers.doubt", __doc__)
     parser.add_argument("runs", nargs="+", type=Path, metavar="RUN")
     parser.add_argument("--views", type=int, default=4, help="test views of each test member and appearance")
+    parser.add_argument("--calibrating", type=int, default=8, metavar="N", help="members, in random splits")
     parser.add_argument("--write", action="store_true", help="write the table into docs/answers.md")
     options = parser.parse_args(arguments)
     rows, words = [], " ".join(map(str, options.runs))
@@ -220,8 +222,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
             parser.error(f"{run.title}: {run.missing}")
         doubt = Doubt.of(run.surrogate, run.catalog)
         for kind, tested in pictures_of(run, doubt, run.catalog, options.views).items():
-            rows.append(row_of(run.title, kind, tested, unseen_of(run, doubt, run.catalog, kind, tested)))
-    body = f"{table(HEADER, rows)}\n<sub>{made_by(f'answers.doubt {words} --views {options.views}')}</sub>"
+            unseen = unseen_of(run, doubt, run.catalog, kind, tested)
+            rows.append(row_of(run.title, kind, tested, unseen, options.calibrating))
+    command = f"answers.doubt {words} --views {options.views} --calibrating {options.calibrating}"
+    body = f"{table(HEADER, rows)}\n<sub>{made_by(command)}</sub>"
     publish(body, DOCS / "answers.md", "doubt", write=options.write)
 
 

@@ -12,7 +12,7 @@ from click.testing import CliRunner
 
 from catalogs.files.images import read_image
 from catalogs.store.catalog import Catalog
-from surrogate.answers.doubt import BETWEEN, FAR, FILE, LIKE, NEVER, Doubt
+from surrogate.answers.doubt import BETWEEN, FAR, FILE, LIKE, NEVER, Doubt, Interval
 from surrogate.answers.maps import error_map
 from surrogate.answers.unseen import of_emulator
 from surrogate.cli import main
@@ -182,3 +182,19 @@ def test_gaussians_doubt_by_their_difference_from_the_field(catalog: Catalog, tr
 def test_neither_gaussians_nor_a_field_is_nobody_to_ask(catalog: Catalog, surrogate: Surrogate) -> None:
     with pytest.raises(ValueError, match="fewer than four members"):
         Doubt.of(replace(surrogate, field=None), catalog)
+
+
+@pytest.mark.parametrize(
+    ("numbers", "short", "sentence"),
+    [
+        ((45.7, 40.8, 50.6), "PSNR 45.7 dB (40.8 to 50.6 dB)", "PSNR 45.7 dB, 40.8 to 50.6 dB in 90%"),
+        ((58.0, 55.0, 60.0), "PSNR 58.0 dB (55.0 dB or more)", "PSNR 58.0 dB, 55.0 dB or more in 90%"),
+        ((60.0, 58.5, 60.0), "PSNR 60 dB or more (58.5 dB or more)", "PSNR 60 dB or more, 58.5 dB or more in 90%"),
+        ((60.0, 60.0, 60.0), "PSNR 60 dB or more", "PSNR 60 dB or more in 90%"),
+    ],
+    ids=str,
+)
+def test_the_most_that_is_counted_reads_as_more(numbers: tuple[float, float, float], short: str, sentence: str) -> None:
+    one = Interval(BETWEEN, *numbers, share=0.9, source="8 validation members")
+    assert one.short == f"between runs: {short}"
+    assert one.sentence == f"between runs: {sentence} of such pictures (calibrated by 8 validation members)"

@@ -58,10 +58,13 @@ export const never = why => said(NEVER, null, why);
 
 /** Words and numbers, and sentences of both. */
 function said(words, numbers, why = "") {
-  const { psnr = null, low = null, high = null, share = null, source = "" } = numbers ?? {}, plain = x => x.toFixed(1);
-  const short = numbers ? `${words}: PSNR ${plain(psnr)} dB (${plain(low)} to ${plain(high)})` : `${words}: ${why}`;
+  const { psnr = null, low = null, high = null, share = null, source = "" } = numbers ?? {};
+  const dB = x => `${x.toFixed(1)} dB`, expected = psnr === MOST_DECIBELS ? `${MOST_DECIBELS} dB or more` : numbers && dB(psnr);
+  const range = high === MOST_DECIBELS ? `${numbers && dB(low)} or more` : `${low?.toFixed(1)} to ${numbers && dB(high)}`;
+  const within = (begin, end) => low === MOST_DECIBELS ? "" : begin + range + end;
+  const short = numbers ? `${words}: PSNR ${expected}${within(" (", ")")}` : `${words}: ${why}`;
   const sentence = numbers
-    ? `${words}: PSNR ${plain(psnr)} dB, ${plain(low)} to ${plain(high)} dB in ${FRACTIONS.format(share)} of such pictures (calibrated by ${source})` : short;
+    ? `${words}: PSNR ${expected}${within(", ", "")} in ${FRACTIONS.format(share)} of such pictures (calibrated by ${source})` : short;
   return { words, psnr, low, high, share, source, why, short, sentence, warning: !numbers || words === FAR };
 }
 
