@@ -13,7 +13,7 @@ import subprocess
 import sys
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
 import click
@@ -56,7 +56,7 @@ class Probe:
     """A program that prints its finding, run in a process of its own, for what it loads may crash or hang."""
 
     name: str
-    program: str
+    program: str = field(repr=False)
     needs: str  # the package without which there is nothing to find
     remedy: str
 

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 import catalogs
+from catalogs import doctor
 from catalogs.exchange import selection
 from catalogs.exchange.nerf import ImportedMember
 from catalogs.exchange.transforms import Frame
@@ -120,6 +121,9 @@ SHOWN: list[tuple[Any, str]] = [
     (Repaired((), (Finding("data.csv", "is missing"),)), "is missing"),
     (Access("0.0.0.0", "secret"), "0.0.0.0"),
     (Count("drawing", 1, 2, 0.5), "drawing"),
+    (doctor.Finding("kernels", "avx512"), "avx512"),
+    (doctor.Package("vtk", "insitu", "9.5.2", "9.3"), "9.5.2"),
+    (doctor.PROBES[0], "kernels"),
 ]
 
 

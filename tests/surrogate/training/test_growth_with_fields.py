@@ -24,7 +24,7 @@ from tests.support.field_catalogs import SIZE, field, rendered
 
 pytestmark = pytest.mark.slow
 
-WORDS = ("gaussians=60", "canonical_steps=4", "deformation_steps=8", "visualization_steps=6")
+WORDS = ("gaussians=60", "canonical_steps=4", "deformation_steps=8", "visualization_steps=6", "fit_to_need=false")
 
 
 def command(*words: object) -> str:
