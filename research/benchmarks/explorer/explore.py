@@ -154,8 +154,17 @@ def grown(page: Page, process: psutil.Process, count: int) -> tuple[float, float
     return early, process.memory_info().rss / 1e6
 
 
-def together(browser: Browser, address: str, seconds: float) -> list[FrameRate]:
-    """Frame rates of several tabs that are all moved at once, by scripts in their pages."""
+def seconds_of(process: psutil.Process) -> float:
+    """Processor time of a process."""
+    times = process.cpu_times()
+    return float(times.user + times.system)
+
+
+def together(browser: Browser, address: str, process: psutil.Process, seconds: float) -> tuple[list[FrameRate], float]:
+    """Frame rates of several tabs that are all moved at once, by scripts in their pages.
+
+    Beside them the share of the processors' time that the explorer's `process` has; tabs have the rest.
+    """
     pages = [opened(browser, address) for _ in range(SESSIONS)]
     for page in pages:
         page.evaluate("""() => {
@@ -168,14 +177,15 @@ def together(browser: Browser, address: str, seconds: float) -> list[FrameRate]:
             slider.dispatchEvent(new Event("input", { bubbles: true }));
           }, 16);
         }""")
+    before = seconds_of(process)
     time.sleep(seconds)
-    rates = []
+    share, rates = (seconds_of(process) - before) / (seconds * (psutil.cpu_count() or 1)), []
     for page in pages:
         times = [t for t, _ in page.evaluate("(clearInterval(window.moving), window.seen)")]
         gaps = [later - earlier for earlier, later in itertools.pairwise(times)]
         rates.append(FrameRate(len(times) / seconds, max(gaps, default=math.inf)))
         page.context.close()
-    return rates
+    return rates, share
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -208,9 +218,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
                         f"longest {max(rest):.0f} ms",
                     ]
                 )
-            rates = together(browser, address, given.seconds)
+            rates, share = together(browser, address, process, given.seconds)
             slowest = min(rates, key=lambda r: r.frames)
-            said = f"longest gap {max(r.longest for r in rates):.0f} ms"
+            said = f"longest gap {max(r.longest for r in rates):.0f} ms; {share:.0%} of the processors' time is the explorer's"
             rows.append([f"{SESSIONS} tabs moved at once, the slowest", f"{slowest.frames:.0f} frames/s", said])
             if given.interactions:
                 early, late = grown(page, process, given.interactions)
