@@ -2,7 +2,7 @@
 
 import { digits, element } from "../web/elements.js";
 
-const WIDE = 10; // letters that an input shows
+const WIDE = 9; // letters that an input shows
 
 /** A number as an input shows it: whole where it fits, else with as many digits as do. */
 export function fitting(value) {
