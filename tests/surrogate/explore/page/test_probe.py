@@ -149,11 +149,11 @@ def test_keys_read_and_pin_the_middle(page: Page, two: str) -> None:
     page.keyboard.press("Enter")
     page.wait_for_function("() => window.explorer.state.pins.length === 1")
     page.wait_for_function(READ)
-    assert page.locator("#cross").is_visible()
+    page.locator("#cross").wait_for(state="visible")
     page.keyboard.press("v")
-    assert page.locator("#reading").is_hidden()
+    page.locator("#reading").wait_for(state="hidden")
     page.get_by_label("Remove pin 1").press("Enter")
-    assert page.evaluate("window.explorer.state.pins") == []
+    page.wait_for_function("() => window.explorer.state.pins.length === 0")
 
 
 @pytest.mark.parametrize(
