@@ -18,17 +18,18 @@ SOURCES := pyproject.toml constraints.txt CMakeLists.txt $(wildcard surrogate/ke
 EXAMPLE := $(shell sed -n 's|^script = "../examples/\([^/"]*\)/.*|\1|p' scenes/$(SCENE).toml 2>/dev/null)
 HOOKED  := $(if $(EXAMPLE),.venv-$(EXAMPLE)/.complete)
 
-.PHONY: help setup dataset train evaluate repeat results ablate ablate-visualization compare browse test test-fast test-research lint packages clients examples bench explore clean-scene
+.PHONY: help setup dataset train evaluate repeat results ablate ablate-visualization compare browse test test-fast test-research lint docs packages clients examples bench explore clean-scene
 
 help:
 	@echo "make dataset train [SCENE=$(SCENE)]   simulate, render, train, evaluate -> $(RUNS)/<scene>/report/"
-	@echo "make results [SCENES=\"a b\"]         $(SEEDS) seeds, upper bound and report of each scene that has a data set -> docs/results.md"
+	@echo "make results [SCENES=\"a b\"]         $(SEEDS) seeds, upper bound and report of each scene that has a data set -> docs/results/results.md"
 	@echo "make repeat [SCENE=$(SCENE)]          $(SEEDS) seeds of one scene: mean and deviation -> $(RECORDS)/<scene>/seeds/"
 	@echo "make ablate [SCENE=$(SCENE)]          what each choice of training is worth: hours -> $(RUNS), $(RECORDS)/<scene>/ablation/"
-	@echo "make compare [SCENE=$(SCENE)]         published systems and ours, $(MINUTES) minutes each -> docs/comparison.md"
+	@echo "make compare [SCENE=$(SCENE)]         published systems and ours, $(MINUTES) minutes each -> docs/results/comparison.md"
 	@echo "make test | test-research        every test of the product (make test-fast: the quick ones), or of research/"
 	@echo "make browse | explore [SCENE=$(SCENE)]   its pictures, or its surrogate, in a browser"
 	@echo "make examples                    environments of the simulation codes of examples/: minutes"
+	@echo "make docs                        the documentation's site -> docs/_build/html"
 	@echo "make packages                    sdist and wheel, tried in empty environments: a minute for each Python"
 	@echo "make setup | dataset | train | evaluate | browse | lint | bench, one by one"
 	@echo "scenes: $(basename $(notdir $(wildcard scenes/*.toml)))"
@@ -110,6 +111,15 @@ $(PYTHON) -m venv --clear .venv-$*
 .venv-$*/bin/python -m pip install --quiet --disable-pip-version-check $(1)
 @touch $@
 endef
+
+# The documentation's site, in docs/_build/html, without the network once its tools are installed; a warning is an error, a link
+# that leads nowhere among them.  Examples that did not change are not run again.
+docs: .venv/.docs
+	OMP_NUM_THREADS=1 $(BIN)/sphinx-build -q -n -W --keep-going -b html docs docs/_build/html
+
+.venv/.docs: $(SETUP)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[docs]'
+	@touch $@
 
 # The sdist, and the wheel of each Python, each alone in an empty environment: `make packages PYTHONS="python3.11 python3.12"`.
 packages: $(SETUP)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import click
 
 from catalogs.commands import Commands
+from catalogs.docs import docs
 from catalogs.doctor import doctor
 from catalogs.version import version_option
 from insitu.commands.dataset import dataset
@@ -21,5 +22,5 @@ def main() -> None:
     """Render simulations while they run, into Cinema databases."""
 
 
-for command in (dataset, estimate, ensemble, watch, probe, library, doctor):
+for command in (dataset, estimate, ensemble, watch, probe, library, doctor, docs):
     main.add_command(command)

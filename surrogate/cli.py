@@ -5,6 +5,7 @@ from __future__ import annotations
 import click
 
 from catalogs.commands import Commands
+from catalogs.docs import docs
 from catalogs.doctor import doctor
 from catalogs.version import version_option
 from surrogate.answers.commands import ask
@@ -22,5 +23,5 @@ def main() -> None:
     """Fit Gaussians to a Cinema catalog and see the ensemble at any view and parameter."""
 
 
-for command in (export, sweep, train, evaluate, show, explore, ask, doctor):
+for command in (export, sweep, train, evaluate, show, explore, ask, doctor, docs):
     main.add_command(command)

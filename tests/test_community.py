@@ -17,7 +17,7 @@ ROOT = Path(__file__).resolve().parent.parent
 WORKFLOWS = sorted((ROOT / ".github" / "workflows").glob("*.yml"))
 FORMS = sorted((ROOT / ".github" / "ISSUE_TEMPLATE").glob("*.yml"))
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())
-OF_THE_MACHINE = {"apt-get", "git", "pipx", "python"}
+OF_THE_MACHINE = {"apt-get", "git", "make", "pipx", "python"}
 
 
 def read(path: Path) -> Any:

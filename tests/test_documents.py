@@ -18,13 +18,14 @@ DOCUMENTS = [
     PROJECT / "README.md",
     PROJECT / "CONTRIBUTING.md",
     *sorted((PROJECT / "docs").rglob("*.md")),
-    PROJECT / "docs" / "tutorial.ipynb",
+    PROJECT / "docs" / "start" / "tutorial.ipynb",
     PROJECT / "research" / "records" / "README.md",
 ]
 LINK = re.compile(r"\]\(([^)\s]+)\)")
 FILE = re.compile(r"`((?:catalogs|render|insitu|surrogate|research|tests|scenes|docs)/[\w/.-]+)`")
 MODULE = re.compile(r"python\s+-m\s+((?:research|insitu|surrogate|catalogs)[\w.]*\w)")
 COMMAND = re.compile(r"(?<![\w./-])(insitu|surrogate|catalogs) ([a-z][a-z-]+)\b")
+BY_THE_BUILD = re.compile(r"(?:\.\./)*gallery/\w+")  # pages of the site that `make docs` writes and checks
 TARGET = re.compile(r"^`?make ([a-z][a-z-]*(?: [a-z][a-z-]*)*)")
 
 every_document = pytest.mark.parametrize("document", DOCUMENTS, ids=lambda path: str(path.relative_to(PROJECT)))
@@ -33,7 +34,8 @@ every_document = pytest.mark.parametrize("document", DOCUMENTS, ids=lambda path:
 @every_document
 def test_links_lead_somewhere(document: Path) -> None:
     targets = [unquote(link.split("#")[0]) for link in LINK.findall(document.read_text()) if "://" not in link]
-    assert [target for target in targets if not (document.parent / target).exists()] == []
+    lost = [target for target in targets if not (document.parent / target).exists()]
+    assert [target for target in lost if not BY_THE_BUILD.fullmatch(target)] == []
 
 
 @every_document

@@ -16,6 +16,7 @@ from surrogate.provenance import machine
 
 PROJECT = Path(__file__).resolve().parents[2]
 DOCS = PROJECT / "docs"
+RESULTS, PICTURES = DOCS / "results", DOCS / "pictures"
 CODE = ("surrogate", "catalogs", "research/benchmarks")  # folders that a surrogate's measurements depend on
 
 
@@ -42,8 +43,8 @@ def made_by(command: str, *folders: str, on: str = "", environment: str = "") ->
 def page_in(output: Path, name: str) -> Path:
     """The page `name` of docs/ in the folder `output`, initially a copy of that in docs/."""
     output.mkdir(parents=True, exist_ok=True)
-    if output != DOCS:
-        durable.replace(output / name, (DOCS / name).read_bytes())
+    if output != RESULTS:
+        durable.replace(output / name, (RESULTS / name).read_bytes())
     return output / name
 
 

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from scipy.stats import spearmanr
 
 from catalogs.store.catalog import Catalog
-from research.benchmarks.page import DOCS, command_line, made_by, publish, table
+from research.benchmarks.page import RESULTS, command_line, made_by, publish, table
 from surrogate.answers.calibration import Calibration, Unseen
 from surrogate.answers.doubt import Doubt
 from surrogate.answers.maps import error_map
@@ -214,7 +214,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("runs", nargs="+", type=Path, metavar="RUN")
     parser.add_argument("--views", type=int, default=4, help="test views of each test member and appearance")
     parser.add_argument("--calibrating", type=int, default=8, metavar="N", help="members, in random splits")
-    parser.add_argument("--write", action="store_true", help="write the table into docs/answers.md")
+    parser.add_argument("--write", action="store_true", help="write the table into docs/results/answers.md")
     options = parser.parse_args(arguments)
     rows, words = [], " ".join(map(str, options.runs))
     for run in map(Run.open, options.runs):
@@ -226,7 +226,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
             rows.append(row_of(run.title, kind, tested, unseen, options.calibrating))
     command = f"answers.doubt {words} --views {options.views} --calibrating {options.calibrating}"
     body = f"{table(HEADER, rows)}\n<sub>{made_by(command)}</sub>"
-    publish(body, DOCS / "answers.md", "doubt", write=options.write)
+    publish(body, RESULTS / "answers.md", "doubt", write=options.write)
 
 
 if __name__ == "__main__":

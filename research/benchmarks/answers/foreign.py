@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from catalogs.store.members import Member
 from catalogs.vocabulary.appearance import VolumeRendering
 from research.benchmarks.answers.inverse import SPLITS, Read, read_members
-from research.benchmarks.page import DOCS, command_line, made_by, publish, table
+from research.benchmarks.page import RESULTS, command_line, made_by, publish, table
 from surrogate.answers.inverse import best_fits
 from surrogate.answers.inverse_calibration import MOST
 from surrogate.answers.targets import Target
@@ -117,12 +117,12 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser = command_line("answers.foreign", __doc__)
     parser.add_argument("runs", nargs="+", type=Path, metavar="RUN")
     parser.add_argument("--members", type=int, default=10, metavar="N", help="members that are drawn anew")
-    parser.add_argument("--write", action="store_true", help="write the table into docs/answers.md")
+    parser.add_argument("--write", action="store_true", help="write the table into docs/results/answers.md")
     options = parser.parse_args(arguments)
     rows = [row_of(run, options.members) for run in map(Run.open, options.runs)]
     words = " ".join(map(str, options.runs))
     body = f"{table(HEADER, rows)}\n<sub>{made_by(f'answers.foreign {words}')}</sub>"
-    publish(body, DOCS / "answers.md", "foreign", write=options.write)
+    publish(body, RESULTS / "answers.md", "foreign", write=options.write)
 
 
 if __name__ == "__main__":

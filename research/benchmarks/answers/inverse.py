@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catalogs.store.catalog import Catalog
-from research.benchmarks.page import DOCS, command_line, made_by, publish, table
+from research.benchmarks.page import RESULTS, command_line, made_by, publish, table
 from surrogate.answers.inverse import FIT_SIDE, Fit, best_fits
 from surrogate.answers.inverse_calibration import MOST, InverseCalibration, targets_for
 from surrogate.answers.posterior import answer_of
@@ -142,7 +142,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("runs", nargs="+", type=Path, metavar="RUN")
     parser.add_argument("--pictures", nargs="*", type=int, default=[1, 3, 12], help="numbers of pictures of a member")
     parser.add_argument("--search", type=int, default=0, metavar="N", help="members whose camera is searched")
-    parser.add_argument("--write", action="store_true", help="write the table into docs/answers.md")
+    parser.add_argument("--write", action="store_true", help="write the table into docs/results/answers.md")
     options = parser.parse_args(arguments)
     rows, cameras = [], []
     for run in map(Run.open, options.runs):
@@ -156,7 +156,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     words += f" --search {options.search}" if options.search else ""
     tables = ([table(HEADER, rows)] if rows else []) + ([table(CAMERA_HEADER, cameras)] if cameras else [])
     body = "\n".join(tables) + f"\n<sub>{made_by(f'answers.inverse {words}')}</sub>"
-    publish(body, DOCS / "answers.md", "inverse", write=options.write)
+    publish(body, RESULTS / "answers.md", "inverse", write=options.write)
 
 
 if __name__ == "__main__":

@@ -5,7 +5,7 @@
 Each subset of the members for training and validation, in whole runs, is an ensemble of its own. Its curve is asked for
 the gain of 10 and of 60 more, or of as many as there are. Emulators fitted with these as well show what happened, at
 the test members. Of the members outside the subset, ten are chosen as `surrogate ask next` would, and ten at random, four
-times. Prints Markdown; `--write` puts it into docs/answers.md.
+times. Prints Markdown; `--write` puts it into docs/results/answers.md.
 """
 
 from __future__ import annotations
@@ -21,12 +21,12 @@ from catalogs.store.catalog import Catalog
 from catalogs.store.splits import run_numbers
 from catalogs.vocabulary.appearance import field_of
 from catalogs.vocabulary.scene import Scene
-from research.benchmarks.page import DOCS, command_line, made_by, publish, stopwatch, table
+from research.benchmarks.page import RESULTS, command_line, made_by, publish, stopwatch, table
 from surrogate.answers.next_runs import best_points
 from surrogate.emulation import FieldEmulator
 from surrogate.emulation.learning_curve import LearningCurve
 
-PAGE, PART = DOCS / "answers.md", "next runs"
+PAGE, PART = RESULTS / "answers.md", "next runs"
 FEW, MANY, RANDOM = 10, 60, 4
 HEADER = ("scene", "members", "subset", "more", "expected, dB", "happened, dB", "10 suggested, dB", "10 at random, dB")
 
@@ -97,7 +97,7 @@ def main() -> None:
     parser.add_argument("--runs", type=Path, default=Path("runs"))
     parser.add_argument("--members", type=int, default=30)
     parser.add_argument("--subsets", type=int, default=3)
-    parser.add_argument("--write", action="store_true", help="into docs/answers.md")
+    parser.add_argument("--write", action="store_true", help="into docs/results/answers.md")
     given, lines = parser.parse_args(), list[list[str]]()
     for scene in map(Scene.load, given.scenes):
         say(scene.name)

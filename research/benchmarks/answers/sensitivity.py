@@ -33,7 +33,7 @@ from catalogs.vocabulary.cameras import Camera
 from catalogs.vocabulary.parameters import ParameterSpace
 from insitu.simulations import Field
 from insitu.simulations.taylor_green_fields import dumps
-from research.benchmarks.page import DOCS, command_line, made_by, publish, stopwatch, table
+from research.benchmarks.page import RESULTS, command_line, made_by, publish, stopwatch, table
 from surrogate.answers.sensitivity import STEP, Sensitivity, Steps, correlations, sensitivity
 from surrogate.answers.sobol import SIDE, Distribution, SobolIndices, picture_response, sobol_indices
 from surrogate.answers.targets import Target, stored_target
@@ -289,13 +289,13 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser = command_line("answers.sensitivity", __doc__)
     parser.add_argument("runs", nargs="+", type=Path, metavar="RUN")
     parser.add_argument("--trainings", action="store_true", help="compare trainings with other seeds instead")
-    parser.add_argument("--write", action="store_true", help="write the tables into docs/answers.md")
+    parser.add_argument("--write", action="store_true", help="write the tables into docs/results/answers.md")
     options = parser.parse_args(arguments)
     words = " ".join(map(str, options.runs))
     if options.trainings:
         rows = [row for run in map(Run.open, options.runs) for row in training_rows(run.title, run.folder, run.catalog)]
         body = f"{table(TRAININGS, rows)}\n<sub>{made_by(f'answers.sensitivity {words} --trainings')}</sub>"
-        publish(body, DOCS / "answers.md", "trainings", write=options.write)
+        publish(body, RESULTS / "answers.md", "trainings", write=options.write)
         return
     report, maps, indices = stopwatch(), [], []
     for run in map(Run.open, options.runs):
@@ -305,7 +305,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         indices += index_rows(run.title, run.surrogate, run.catalog)
         report(f"{run.title}: indices")
     body = f"{table(MAPS, maps)}\n{table(INDICES, indices)}\n<sub>{made_by(f'answers.sensitivity {words}')}</sub>"
-    publish(body, DOCS / "answers.md", "sensitivity", write=options.write)
+    publish(body, RESULTS / "answers.md", "sensitivity", write=options.write)
 
 
 if __name__ == "__main__":

@@ -16,7 +16,7 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
-from research.benchmarks.page import DOCS, command_line, made_by, publish, table
+from research.benchmarks.page import RESULTS, command_line, made_by, publish, table
 from surrogate.answers.doubt import Doubt
 from surrogate.answers.survey import Survey
 from surrogate.evaluation.metrics import WHITE, composite, psnr
@@ -70,12 +70,12 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser = command_line("answers.survey", __doc__)
     parser.add_argument("runs", nargs="+", type=Path, metavar="RUN")
     parser.add_argument("--views", type=int, default=4, help="test views of each test member")
-    parser.add_argument("--write", action="store_true", help="write the table into docs/explorer.md")
+    parser.add_argument("--write", action="store_true", help="write the table into docs/results/explorer.md")
     options = parser.parse_args(arguments)
     rows = [row for path in options.runs for row in rows_of(Run.open(path), options.views)]
     command = f"answers.survey {' '.join(map(str, options.runs))} --views {options.views}"
     publish(
-        f"{table(HEADER, rows)}\n<sub>{made_by(command)}</sub>", DOCS / "explorer.md", "survey", write=options.write
+        f"{table(HEADER, rows)}\n<sub>{made_by(command)}</sub>", RESULTS / "explorer.md", "survey", write=options.write
     )
 
 

@@ -6,7 +6,7 @@
 Trains stage 2 on one core for each share, and once without the field (the start on in-situ points), on the same images in
 the same order. Scores, on test images that nothing was chosen by: Gaussians at members that were learnt and at others, the
 emulated field, and the mean image. KEY=VALUE are those of a scene's [training] table. Prints Markdown; `--write` puts
-it into docs/emulation.md.
+it into docs/results/emulation.md.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ import torch
 
 from catalogs.store.catalog import Catalog
 from catalogs.vocabulary.variations import ISOVALUE
-from research.benchmarks.page import DOCS, command_line, made_by, publish, stopwatch, table
+from research.benchmarks.page import RESULTS, command_line, made_by, publish, stopwatch, table
 from surrogate.deformation import BilinearDeformation
 from surrogate.evaluation.cases import Case, base_cells, variation_cells, variation_validation
 from surrogate.evaluation.predictor import SurrogatePredictor
@@ -39,7 +39,7 @@ from surrogate.training.source import Source
 from surrogate.training.stages import new_deformation, simulation_stage
 from surrogate.training.visualizations import in_common, new_visualization, visualization_stage
 
-PAGE, PART, SURFACES, MOST = DOCS / "emulation.md", "starts", "surfaces", 200
+PAGE, PART, SURFACES, MOST = RESULTS / "emulation.md", "starts", "surfaces", 200
 HEADER = ("share of the field", "steps", "processor s", "Gaussians, seen", "Gaussians, unseen", "mean image, unseen")
 
 
@@ -155,7 +155,7 @@ def main() -> None:
     parser.add_argument("--shares", type=float, nargs="+", default=[0.5, 1.0])
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--isovalues", action="store_true", help="compare starts on isosurfaces")
-    parser.add_argument("--write", action="store_true", help="into docs/emulation.md")
+    parser.add_argument("--write", action="store_true", help="into docs/results/emulation.md")
     options = parser.parse_args()
     torch.manual_seed(options.seed)
     settings = TrainingSettings.from_table(

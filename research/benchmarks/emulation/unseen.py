@@ -4,7 +4,7 @@
 
 Learns from the training members' fields with at most 64³ samples, those of the scene's catalog or, where that has none,
 of its source. Fields of the test members are predicted, drawn as the true ones are, and compared. Prints Markdown;
-`--write` puts it into docs/emulation.md.
+`--write` puts it into docs/results/emulation.md.
 """
 
 from __future__ import annotations
@@ -28,12 +28,12 @@ from insitu.ensembles.sources import ensemble_of
 from insitu.fields.location import FieldLocation
 from insitu.fields.member_fields import as_fields
 from render import Grid, render_views
-from research.benchmarks.page import DOCS, command_line, made_by, publish, stopwatch, table
+from research.benchmarks.page import RESULTS, command_line, made_by, publish, stopwatch, table
 from surrogate.appearance.scale import ValueScale
 from surrogate.emulation import EmulatedField, FieldEmulator
 from surrogate.evaluation.numbers import VALUES, number_errors
 
-PAGE, PART = DOCS / "emulation.md", "unseen"
+PAGE, PART = RESULTS / "emulation.md", "unseen"
 SIDE, SEED = 128, 0
 HEADER = (
     "scene",
@@ -155,7 +155,7 @@ def main() -> None:
     parser.add_argument("scenes", type=Path, nargs="+", metavar="SCENE")
     parser.add_argument("--runs", type=Path, default=Path("runs"))
     parser.add_argument("--views", type=int, default=4)
-    parser.add_argument("--write", action="store_true", help="into docs/emulation.md")
+    parser.add_argument("--write", action="store_true", help="into docs/results/emulation.md")
     given = parser.parse_args()
     rows = list(_measured(given.scenes, given.runs, given.views, say))
     words = " ".join(map(str, given.scenes))

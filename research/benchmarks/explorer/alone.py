@@ -20,7 +20,7 @@ import numpy as np
 from playwright.sync_api import Page, sync_playwright
 
 from catalogs.vocabulary.variations import IsovalueVariation, Variation
-from research.benchmarks.page import DOCS, command_line, made_by, publish, table
+from research.benchmarks.page import RESULTS, command_line, made_by, publish, table
 from surrogate import Surrogate
 from surrogate.evaluation.metrics import WHITE
 from surrogate.explore.exporting.page_field import field_of_page
@@ -117,7 +117,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("runs", nargs="+", type=Path, metavar="RUN")
     parser.add_argument("--pictures", type=int, default=20, help="pictures of each run and size")
     parser.add_argument("--field", action="store_true", help="put the emulated field into each page")
-    parser.add_argument("--write", action="store_true", help="write the table into docs/explorer.md")
+    parser.add_argument("--write", action="store_true", help="write the table into docs/results/explorer.md")
     options = parser.parse_args(arguments)
     program = find_browser()
     if program is None:
@@ -138,7 +138,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     command = f"explorer.alone {' '.join(map(str, options.runs))} --pictures {options.pictures}"
     command += " --field" if options.field else ""
     body = f"{table(HEADER, rows)}\n<sub>{made_by(command)}</sub>"
-    publish(body, DOCS / "explorer.md", "alone", write=options.write)
+    publish(body, RESULTS / "explorer.md", "alone", write=options.write)
 
 
 if __name__ == "__main__":

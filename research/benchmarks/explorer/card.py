@@ -20,7 +20,7 @@ from typing import Any
 
 from playwright.sync_api import Page, sync_playwright
 
-from research.benchmarks.page import DOCS, command_line, made_by, publish, table
+from research.benchmarks.page import RESULTS, command_line, made_by, publish, table
 from surrogate.explore.exporting.page import page_files
 from surrogate.explore.run import Run
 from surrogate.model.representation import GAUSSIANS
@@ -121,7 +121,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--seconds", type=float, default=2.0, help="of each measurement")
     parser.add_argument("--browser", default=find_browser(), metavar="PATH", help="a browser built on Chromium")
     parser.add_argument("--headed", action="store_true", help="open a window, where browsers use a card only then")
-    parser.add_argument("--write", action="store_true", help="write the table into docs/explorer.md")
+    parser.add_argument("--write", action="store_true", help="write the table into docs/results/explorer.md")
     options = parser.parse_args(arguments)
     if options.browser is None:
         parser.error("Chromium is not installed: name a browser with --browser")
@@ -146,7 +146,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         browser.close()
     command = f"explorer.card {' '.join(map(str, options.runs))} --seconds {options.seconds:g}"
     said = f"Renderer: {renderer}; Chromium {version}. {made_by(command)}"
-    publish(f"{table(HEADER, rows)}\n<sub>{said}</sub>", DOCS / "explorer.md", "card", write=options.write)
+    publish(f"{table(HEADER, rows)}\n<sub>{said}</sub>", RESULTS / "explorer.md", "card", write=options.write)
 
 
 if __name__ == "__main__":

@@ -24,7 +24,7 @@ from pathlib import Path
 import psutil
 from playwright.sync_api import Browser, Page, sync_playwright
 
-from research.benchmarks.page import DOCS, command_line, commit, publish, table
+from research.benchmarks.page import RESULTS, command_line, commit, publish, table
 from surrogate.provenance import machine
 from tests.support.browsers import FLAGS, find_browser
 
@@ -194,7 +194,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("run", type=Path)
     parser.add_argument("--seconds", type=float, default=4.0, help="of each movement")
     parser.add_argument("--interactions", type=int, default=10_000, help="0 leaves the memory unmeasured")
-    parser.add_argument("--write", action="store_true", help="write the table into docs/explorer.md")
+    parser.add_argument("--write", action="store_true", help="write the table into docs/results/explorer.md")
     given = parser.parse_args(arguments)
     program = find_browser()
     if program is None:
@@ -229,7 +229,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         browser.close()
     made = f"`{given.run.name}`; {machine()['processor']}, {psutil.cpu_count()} cores that also ran the browser; commit {commit()}."
     body = f"{table(['what', 'measured', 'at worst'], rows)}\n{made}"
-    publish(body, DOCS / "explorer.md", "speed", write=given.write)
+    publish(body, RESULTS / "explorer.md", "speed", write=given.write)
 
 
 if __name__ == "__main__":

@@ -2,7 +2,7 @@
 
     python -m research.benchmarks.explorer.screenshots [--runs runs]
 
-Writes docs/explorer.png, docs/explorer_compare.png, docs/explorer_sweep.png and docs/browse.png from the runs tgv-tf, cloverleaf
+Writes explorer*.png and browse.png in docs/pictures/ from the runs tgv-tf, cloverleaf
 and tgv-iso, which must be trained.
 """
 
@@ -16,7 +16,7 @@ from urllib.parse import urlencode
 from playwright.sync_api import Browser, Page, sync_playwright
 
 from research.benchmarks.explorer.explore import serving
-from research.benchmarks.page import DOCS, command_line
+from research.benchmarks.page import PICTURES, command_line
 from tests.support.browsers import FLAGS, find_browser
 
 SIZE = {"width": 1280, "height": 800}
@@ -39,7 +39,7 @@ def explored(browser: Browser, runs: Path) -> None:
     """Screenshots of the explorer's three modes."""
     curve = {"a.function": "-20,0;2,0;5,0.1;8,0.7;20,0.9;60,1|", "a.p.Re": 1830}
     with serving("surrogate", "explore", runs / "tgv-tf") as (address, _, _):
-        taken(browser, address, curve, STILL, DOCS / "explorer.png")
+        taken(browser, address, curve, STILL, PICTURES / "explorer.png")
     with serving("surrogate", "explore", runs / "cloverleaf") as (address, _, _):
         page: Page = browser.new_page(**DARK)
         page.goto(f"{address}#mode=compare&against=truth")
@@ -49,12 +49,12 @@ def explored(browser: Browser, runs: Path) -> None:
         page.locator("#nearest-picture").click()
         page.wait_for_function("() => document.getElementById('compared').textContent.includes('PSNR')")
         page.wait_for_function(STILL)
-        page.screenshot(path=DOCS / "explorer_compare.png")
-        print(DOCS / "explorer_compare.png")
+        page.screenshot(path=PICTURES / "explorer_compare.png")
+        print(PICTURES / "explorer_compare.png")
         page.close()
     swept = {"mode": "sweep", "a.show": "isovalue", "sweep.name": "Re", "sweep.second": "isovalue", "sweep.count": 5}
     with serving("surrogate", "explore", runs / "tgv-iso") as (address, _, _):
-        taken(browser, address, swept, STILL, DOCS / "explorer_sweep.png")
+        taken(browser, address, swept, STILL, PICTURES / "explorer_sweep.png")
 
 
 def browsed(browser: Browser, runs: Path) -> None:
@@ -64,8 +64,8 @@ def browsed(browser: Browser, runs: Path) -> None:
         page.goto(address)
         page.get_by_role("tab", name="Grid").click()
         page.wait_for_timeout(2000)
-        page.screenshot(path=DOCS / "browse.png")
-        print(DOCS / "browse.png")
+        page.screenshot(path=PICTURES / "browse.png")
+        print(PICTURES / "browse.png")
         page.close()
 
 

@@ -1,4 +1,4 @@
-"""Run docs/tutorial.ipynb and store the outputs of its cells.
+"""Run docs/start/tutorial.ipynb and store the outputs of its cells.
 
     python -m research.benchmarks.explorer.tutorial [--output FILE]
 
@@ -17,7 +17,7 @@ from research.benchmarks.page import DOCS, PROJECT, command_line
 if TYPE_CHECKING:
     import nbformat
 
-NOTEBOOK = DOCS / "tutorial.ipynb"
+NOTEBOOK = DOCS / "start" / "tutorial.ipynb"
 LIVE = "live"  # tag of cells whose output needs their kernel
 SECONDS = 600  # for one cell
 
@@ -56,7 +56,7 @@ def reproducible(notebook: nbformat.NotebookNode) -> nbformat.NotebookNode:
 
 
 def main() -> None:
-    """Write docs/tutorial.ipynb anew."""
+    """Write docs/start/tutorial.ipynb anew."""
     import nbformat
 
     parser = command_line("explorer.tutorial", __doc__)

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation, Slerp
 
 from catalogs.vocabulary.cameras import Camera
-from research.benchmarks.page import DOCS, command_line, made_by, publish, table
+from research.benchmarks.page import RESULTS, command_line, made_by, publish, table
 from surrogate.evaluation.metrics import WHITE, composite, decibels
 from surrogate.evaluation.scoring import spread
 from surrogate.explore.exporting.exports import GaussiansRequest
@@ -182,12 +182,12 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("runs", nargs="+", type=Path, metavar="RUN")
     parser.add_argument("--views", type=int, default=8, help="unseen views")
     parser.add_argument("--steps", type=int, default=REFIT_STEPS, help="of the fit")
-    parser.add_argument("--write", action="store_true", help="write the table into docs/explorer.md")
+    parser.add_argument("--write", action="store_true", help="write the table into docs/results/explorer.md")
     options = parser.parse_args(arguments)
     rows = [row_of(run, options.views, options.steps) for run in map(Run.open, options.runs)]
     words = f"{' '.join(map(str, options.runs))} --views {options.views} --steps {options.steps}"
     body = f"{table(HEADER, rows)}\n<sub>{made_by(f'explorer.viewers {words}')}</sub>"
-    publish(body, DOCS / "explorer.md", "viewers", write=options.write)
+    publish(body, RESULTS / "explorer.md", "viewers", write=options.write)
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""Measure rendering and write docs/rendering.md and docs/rendering.png.
+"""Measure rendering and write docs/results/rendering.md and docs/results/rendering.png.
 
     LP_NUM_THREADS=0 python -m research.benchmarks.rendering.accuracy [--machine "two shared cores"] [--parts hard]
 
@@ -29,13 +29,13 @@ from render.quality import psnr
 from render.views import Renderer
 from render.volume import image_data
 from render.window import aim, open_window
-from research.benchmarks.page import DOCS, PROJECT, command_line, made_by, stopwatch, table, titled, write_parts
+from research.benchmarks.page import PROJECT, RESULTS, command_line, made_by, stopwatch, table, titled, write_parts
 from research.benchmarks.rendering.hard_inputs import hard_inputs
 from research.benchmarks.splatting.figures import panels
 from research.benchmarks.timing import processor_seconds
 from tests.support.raymarch import converged
 
-PAGE, FIGURE = DOCS / "rendering.md", DOCS / "rendering.png"
+PAGE, FIGURE = RESULTS / "rendering.md", RESULTS / "rendering.png"
 SCENE = PROJECT / "scenes" / "tgv-dvr.toml"
 SPACINGS = (2.0, 1.5, 1.0, 0.8, 0.7, 0.6, 0.5, 0.35, 0.25, 0.125)  # sample distances, in grid spacings
 VIEWS = (20, 75, 140)  # of 252: from near the top, obliquely, from the side

@@ -9,14 +9,14 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from research.benchmarks.page import DOCS, PROJECT, command_line
+from research.benchmarks.page import PROJECT, RESULTS, command_line
 from research.benchmarks.results.gaps import gaps_of
 from research.benchmarks.results.page import write
 from research.benchmarks.results.scenes import read_scenes
 
 
 def main() -> None:
-    """Write docs/results.md and its pictures."""
+    """Write docs/results/results.md and its pictures."""
     parser = command_line("results", __doc__)
     parser.add_argument(
         "--records", type=Path, default=PROJECT / "research" / "records", help="folder of the scenes' records"
@@ -25,7 +25,7 @@ def main() -> None:
         "--runs", type=Path, default=PROJECT / "runs", help="folder of the pictures of the scenes' reports"
     )
     parser.add_argument("--scenes", type=Path, default=PROJECT / "scenes", help="folder of the scenes' TOML files")
-    parser.add_argument("--output", type=Path, default=DOCS, help="folder that the page is written to")
+    parser.add_argument("--output", type=Path, default=RESULTS, help="folder that the page is written to")
     given = parser.parse_args()
     try:
         scenes = read_scenes(given.scenes, given.records, given.runs)

@@ -2,7 +2,7 @@
 
     python -m research.benchmarks.results.comparison [SCENE...] [--records research/records]
 
-Writes docs/comparison.md and its plots for the named scenes, by default all that have records.
+Writes docs/results/comparison.md and its plots for the named scenes, by default all that have records.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
 from catalogs.files import durable
-from research.benchmarks.page import DOCS, PROJECT, command_line
+from research.benchmarks.page import PROJECT, RESULTS, command_line
 from research.benchmarks.results.gaps import section_of
 from research.benchmarks.results.protocol import gaps
 from research.studies.comparison import tuning
@@ -70,7 +70,7 @@ TERMS = """\
 - **Stored images, mixed** are the best of the trivial predictors. They need a stored image at the very view, which no other
   row does, so they have none of novel views.
 
-The head of each file in [`research/studies/baselines`](../research/studies/baselines) names the paper or code that a method was
+The head of each file in `research/studies/baselines` names the paper or code that a method was
 written from, and the differences."""
 IN_SHORT = "PSNR (dB), means over seeds; the sections below have all metrics, methods, sizes and times."
 PUBLISHED = """\
@@ -117,7 +117,7 @@ def main() -> None:
     parser = command_line("results.comparison", __doc__)
     parser.add_argument("scenes", nargs="*", metavar="SCENE")
     parser.add_argument("--records", type=Path, default=PROJECT / "research" / "records")
-    parser.add_argument("-o", "--output", type=Path, default=DOCS)
+    parser.add_argument("-o", "--output", type=Path, default=RESULTS)
     given = parser.parse_args()
     available = sorted(path.parent.name for path in given.records.glob(f"*/{FOLDER}") if load(path.parent))
     missing = sorted(set(given.scenes) - set(available))

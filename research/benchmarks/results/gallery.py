@@ -3,7 +3,7 @@
     python -m research.benchmarks.results.gallery [--runs runs] [--records research/records]
 
 A picture is a stored one of a test member, at 256 x 256 pixels on white; where a scene's catalog is not in `--runs` its earlier
-picture stays.  Figures are those of docs/results.md.  Writes docs/gallery_<scene>.png and the table in README.md; seconds.
+picture stays.  Writes docs/pictures/gallery_<scene>.png and the table in README.md; seconds.
 """
 
 from __future__ import annotations
@@ -19,11 +19,11 @@ from PIL import Image
 from catalogs.files import durable
 from catalogs.store.catalog import Catalog
 from catalogs.store.members import Member
-from research.benchmarks.page import DOCS, PROJECT, command_line, fill, table
+from research.benchmarks.page import PICTURES, PROJECT, command_line, fill, table
 from research.benchmarks.results.parts import parts_of
 from research.benchmarks.results.scenes import SceneResults, read_scene
 
-RESULTS = "[docs/results.md](docs/results.md)"
+DETAILS = "[results](docs/results/results.md)"
 PIXELS = 256
 UNSEEN = "unseen_views", "unseen_parameters"
 
@@ -40,8 +40,8 @@ CASES = (
     GalleryCase("tgv", "Taylor-Green vortex, bundled solver: Reynolds number, time", 25),
     GalleryCase("cloverleaf", "CloverLeaf3D, its own files: six parameters", 23),
     GalleryCase("nyx", "Nyx cosmology, images rendered by others: three parameters", 1),
-    GalleryCase("euler", "PyClaw, [hooked](docs/examples.md): six parameters", 23),
-    GalleryCase("ocean", "Veros, [hooked](docs/examples.md): wind, eddies, viscosity, time", 11),
+    GalleryCase("euler", "PyClaw, [hooked](docs/results/examples.md): six parameters", 23),
+    GalleryCase("ocean", "Veros, [hooked](docs/results/examples.md): wind, eddies, viscosity, time", 11),
 )
 
 
@@ -89,7 +89,7 @@ def gallery(results: Iterable[SceneResults]) -> str:
     """The README's table: a column for each case."""
     by_name = {scene.name: scene for scene in results}
     rows = [
-        [f"![{case.scene}](docs/gallery_{case.scene}.png)" for case in CASES],
+        [f"![{case.scene}](docs/pictures/gallery_{case.scene}.png)" for case in CASES],
         [case.what for case in CASES],
         [figures(by_name[case.scene]) for case in CASES],
     ]
@@ -102,7 +102,7 @@ def main() -> None:
     parser.add_argument("--records", type=Path, default=PROJECT / "research" / "records")
     arguments = parser.parse_args()
     for case in CASES:
-        path, picture = arguments.runs / case.scene / "catalog.cdb", DOCS / f"gallery_{case.scene}.png"
+        path, picture = arguments.runs / case.scene / "catalog.cdb", PICTURES / f"gallery_{case.scene}.png"
         if (path / "catalog.json").is_file():
             draw(Catalog.open(path), case.view, picture)
             print(picture)
@@ -110,7 +110,7 @@ def main() -> None:
             parser.error(f"{path} is missing, and so is an earlier {picture.name}: make dataset SCENE={case.scene}")
     scenes = [PROJECT / f"scenes/{case.scene}.toml" for case in CASES]
     results = [read_scene(path, arguments.records, arguments.runs) for path in scenes]
-    made = "`python -m research.benchmarks.results.gallery`; every figure, with machine, commit and seeds: " + RESULTS
+    made = "`python -m research.benchmarks.results.gallery`; every figure, with machine, commit and seeds: " + DETAILS
     fill(PROJECT / "README.md", "gallery", f"{gallery(results)}\n<sub>{made}</sub>")
 
 

@@ -1,4 +1,4 @@
-"""docs/results.md: all tables, their sources and images."""
+"""docs/results/results.md: all tables, their sources and images."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ PAGE = "results.md"
 SOURCES = "What made these numbers"
 PICTURE_LINK = re.compile(r"!\[[^\]]*\]\((results_[^/()]+\.png)\)")
 INTRODUCTION = (
-    "Every number on this page comes from [records](../research/records/README.md). `make results` ends with "
+    "Every number on this page comes from the records in `research/records`. `make results` ends with "
     "`python -m research.benchmarks.results`, which writes the page and lists at its end the missing records and the commands "
     "for them.  Numbers are means over test images.  No choice was made on these images, but this page, the explorer's and "
     "others show them.  PSNR is of the full frame, on white or on the data's own background, by the definitions in every "

@@ -1,4 +1,4 @@
-"""Measure the Taylor-Green solver and write docs/taylor_green.md and docs/taylor_green.png.
+"""Measure the Taylor-Green solver and write docs/results/taylor_green.md and docs/results/taylor_green.png.
 
     OMP_NUM_THREADS=1 python -m research.benchmarks.simulation.taylor_green [--finest] [--parts scene steps]
     [--machine "two shared cores"]
@@ -22,12 +22,12 @@ from numpy.typing import NDArray
 
 from insitu.simulations.runge_kutta import FlowState
 from insitu.simulations.taylor_green import TaylorGreen
-from research.benchmarks.page import DOCS, PROJECT, command_line, made_by, stopwatch, table, titled, write_parts
+from research.benchmarks.page import PROJECT, RESULTS, command_line, made_by, stopwatch, table, titled, write_parts
 from research.benchmarks.splatting.figures import panels
 from research.benchmarks.timing import processor_seconds
 from tests.support.periodic_box import PeriodicBox
 
-PAGE, FIGURE = DOCS / "taylor_green.md", DOCS / "taylor_green.png"
+PAGE, FIGURE = RESULTS / "taylor_green.md", RESULTS / "taylor_green.png"
 REFERENCE = "TGV_Re1600_incompact3d_512.dat"
 RESOLUTIONS = (32, 64, 128, 256)
 Q_TIMES = (1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0, 10.0)

@@ -1,4 +1,4 @@
-"""Time splatting, a training step and training itself, beside their errors, and write docs/splatting.md and its plots.
+"""Time splatting, a training step and training itself, beside their errors, and write docs/results/splatting.md and its plots.
 
     python -m research.benchmarks.splatting [--quick] [--only PART ...] [--output DIRECTORY]
 
@@ -15,7 +15,7 @@ from pathlib import Path
 
 import torch
 
-from research.benchmarks.page import DOCS, PROJECT, command_line, made_by, page_in, stopwatch, write_parts
+from research.benchmarks.page import PROJECT, RESULTS, command_line, made_by, page_in, stopwatch, write_parts
 from research.benchmarks.splatting.budgets import budgets
 from research.benchmarks.splatting.constants import constants
 from research.benchmarks.splatting.cutoffs import cutoffs
@@ -58,7 +58,7 @@ def main() -> None:
     parser.add_argument("--output", type=Path, help="folder of the page and its plots; default docs, or runs/bench")
     parser.add_argument("--runs", type=Path, default=PROJECT / "runs", help="folder of the scenes' results")
     arguments = parser.parse_args()
-    output = arguments.output or (arguments.runs / QUICK if arguments.quick else DOCS)
+    output = arguments.output or (arguments.runs / QUICK if arguments.quick else RESULTS)
     setup = Setup(arguments.quick, output, arguments.runs, stopwatch())
     page = output / PAGE if output.joinpath(PAGE).exists() and not setup.quick else page_in(output, PAGE)
     trained = TrainedModels(setup)

@@ -3,7 +3,7 @@
     python -m research.benchmarks.splatting.batches [MODEL] [--quick] [--machine "two cores"]
 
 MODEL is the folder of a trained surrogate; without one, random Gaussians with a bilinear deformation are drawn.  Batches and loops
-take turns, and each figure is the median of several rounds.  Writes the table in docs/python.md; without --quick a minute or two.
+take turns, and each figure is the median of several rounds.  Writes the table in docs/results/python.md; a minute or two.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ import torch
 
 from catalogs.vocabulary.cameras import Camera, orbit
 from catalogs.vocabulary.parameters import Parameter, ParameterSpace
-from research.benchmarks.page import DOCS, command_line, made_by, page_in, stopwatch, table, write_parts
+from research.benchmarks.page import RESULTS, command_line, made_by, page_in, stopwatch, table, write_parts
 from research.benchmarks.timing import measured_in_turn
 from surrogate import Surrogate
 from surrogate.deformation import BilinearDeformation
@@ -92,7 +92,7 @@ def main(arguments: Sequence[str] | None = None, say: Callable[[str], None] | No
     options.add_argument("model", nargs="?", type=Path, help="folder of a trained surrogate")
     options.add_argument("--quick", action="store_true", help="small and few: does it run?")
     options.add_argument("--machine", default="", help="the machine, in words")
-    options.add_argument("--output", type=Path, default=DOCS, help="folder that holds python.md")
+    options.add_argument("--output", type=Path, default=RESULTS, help="folder that holds python.md")
     given = options.parse_args(arguments)
     surrogate = Surrogate.load(given.model) if given.model else random_surrogate(200 if given.quick else GAUSSIANS)
     sizes, counts, seconds = ((16,), (1, 4), 0.01) if given.quick else (SIZES, COUNTS, 1.0)

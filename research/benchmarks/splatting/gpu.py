@@ -1,4 +1,4 @@
-"""Time drawing, a change of parameters and a training step on a GPU, beside their errors, and write docs/gpu.md.
+"""Time drawing, a change of parameters and a training step on a GPU, beside their errors, and write docs/results/gpu.md.
 
     python -m research.benchmarks.splatting.gpu [--device cpu] [--quick] [--output DIRECTORY]
 
@@ -16,7 +16,7 @@ from pathlib import Path
 
 import torch
 
-from research.benchmarks.page import DOCS, PROJECT, command_line, made_by, page_in, stopwatch, table, write_parts
+from research.benchmarks.page import PROJECT, RESULTS, command_line, made_by, page_in, stopwatch, table, write_parts
 from research.benchmarks.splatting.drawing import ERROR_HEADER, measure
 from research.benchmarks.splatting.reference_patches import draw_patches
 from research.benchmarks.splatting.workloads import FIXED, OTHERS, Workload
@@ -50,7 +50,7 @@ def main() -> None:
     except RuntimeError as error:
         sys.exit(str(error))
     official = device.type == "cuda" and not arguments.quick
-    page, say = page_in(arguments.output or (DOCS if official else PROJECT / "runs" / "bench"), PAGE), stopwatch()
+    page, say = page_in(arguments.output or (RESULTS if official else PROJECT / "runs" / "bench"), PAGE), stopwatch()
     seconds = 0.2 if arguments.quick else 2.0
     parts = {"explore": explore, "draw": drawing, "train": training}
     with one_torch_thread():

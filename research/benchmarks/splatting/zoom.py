@@ -21,7 +21,7 @@ from PIL import Image
 from catalogs.store.members import Member
 from catalogs.vocabulary.appearance import VolumeRendering
 from catalogs.vocabulary.cameras import Camera
-from research.benchmarks.page import DOCS, command_line, made_by, publish, stopwatch, table
+from research.benchmarks.page import RESULTS, command_line, made_by, publish, stopwatch, table
 from surrogate.evaluation.metrics import WHITE, composite, decibels, mean_squared_error
 from surrogate.evaluation.scoring import spread
 from surrogate.explore.run import Run
@@ -129,7 +129,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("runs", nargs="+", type=Path, metavar="RUN")
     parser.add_argument("--members", type=int, default=4, metavar="N", help="of each split")
     parser.add_argument("--views", type=int, default=4, metavar="N", help="of each member")
-    parser.add_argument("--write", action="store_true", help="write the table into docs/quality.md")
+    parser.add_argument("--write", action="store_true", help="write the table into docs/results/quality.md")
     options = parser.parse_args(arguments)
     report, rows = stopwatch(), []
     for path in options.runs:
@@ -138,7 +138,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
             report(f"{path}, {split}")
     words = " ".join(map(str, options.runs))
     command = f"splatting.zoom {words} --members {options.members} --views {options.views}"
-    publish(f"{table(HEADER, rows)}\n<sub>{made_by(command)}</sub>", DOCS / "quality.md", "zoom", write=options.write)
+    publish(
+        f"{table(HEADER, rows)}\n<sub>{made_by(command)}</sub>", RESULTS / "quality.md", "zoom", write=options.write
+    )
 
 
 if __name__ == "__main__":

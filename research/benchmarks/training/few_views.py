@@ -5,7 +5,7 @@
 Trains scenes by their own settings on the images of some of their training views, spread over the sphere, once as they
 are and once from images alone. Each is scored on the test images of the whole catalog. The scenes' data sets must
 exist. Models are stored in RUNS/<scene>/few_views, and finished ones are not trained again. Prints Markdown; `--write`
-puts it into docs/values.md.
+puts it into docs/results/values.md.
 """
 
 from __future__ import annotations
@@ -24,14 +24,14 @@ from catalogs.store.members import RECORD, ROWS, read_member, write_record
 from catalogs.vocabulary.cameras import Camera
 from catalogs.vocabulary.farthest import farthest_points
 from catalogs.vocabulary.scene import Scene
-from research.benchmarks.page import DOCS, command_line, made_by, publish, stopwatch, table
+from research.benchmarks.page import RESULTS, command_line, made_by, publish, stopwatch, table
 from research.studies.repeats.run import score_model
 from surrogate.evaluation.tables import number
 from surrogate.model import Surrogate
 from surrogate.settings import TrainingSettings
 from surrogate.training.run import train
 
-PAGE, PART, FOLDER = DOCS / "values.md", "few views", "few_views"
+PAGE, PART, FOLDER = RESULTS / "values.md", "few views", "few_views"
 HEADER = ("scene", "views", "learnt from", "unseen views, dB", "unseen views and parameters, dB", "processor seconds")
 
 
@@ -93,7 +93,7 @@ def main() -> None:
     parser.add_argument("scenes", type=Path, nargs="+", metavar="SCENE")
     parser.add_argument("--views", type=int, nargs="+", default=[42, 92])
     parser.add_argument("--runs", type=Path, default=Path("runs"))
-    parser.add_argument("--write", action="store_true", help="into docs/values.md")
+    parser.add_argument("--write", action="store_true", help="into docs/results/values.md")
     given, rows = parser.parse_args(), list[list[str]]()
     try:
         for scene in map(Scene.load, given.scenes):

@@ -11,7 +11,7 @@ from itertools import pairwise
 from pathlib import Path
 
 from catalogs.store.catalog import Catalog
-from research.benchmarks.page import DOCS, PROJECT, command_line
+from research.benchmarks.page import PROJECT, RESULTS, command_line
 from research.benchmarks.splatting.figures import panels
 
 INCHES = 1.05  # of a picture
@@ -53,7 +53,7 @@ def main() -> None:
     parser = command_line("training.members", __doc__)
     parser.add_argument("catalog", nargs="?", type=Path, default=PROJECT / "runs" / "tgv" / "catalog.cdb")
     parser.add_argument("--view", type=int, default=30, help="which camera's pictures (default: 30)")
-    parser.add_argument("-o", "--output", type=Path, default=DOCS / "tgv.png")
+    parser.add_argument("-o", "--output", type=Path, default=RESULTS / "tgv.png")
     arguments = parser.parse_args()
     draw(Catalog.open(arguments.catalog), arguments.view, arguments.output)
 

@@ -5,7 +5,7 @@
 
 Trains on the CATALOG with 1, 2 and 4 images a step, as many images in all, and judges the results by test images.  Then some steps
 of each batch are taken by one process and by several that `torchrun` starts.  Their processor time depends little on what else the
-machine does; wall-clock time does.  Writes two tables in docs/clusters.md.  With the defaults it takes half an hour on one loaded
+machine does; wall-clock time does.  Writes two tables in docs/results/clusters.md; half an hour on one loaded
 core for runs/tiny/catalog.cdb, which `insitu dataset` makes of scenes/tiny.toml.
 """
 
@@ -26,7 +26,7 @@ from typing import Any
 import torch
 
 from catalogs.store.catalog import Catalog
-from research.benchmarks.page import DOCS, PROJECT, command_line, made_by, page_in, stopwatch, table, write_parts
+from research.benchmarks.page import PROJECT, RESULTS, command_line, made_by, page_in, stopwatch, table, write_parts
 from research.benchmarks.timing import MeasuredTime, digits, timed
 from surrogate import Surrogate, TrainingSettings, train
 from surrogate.evaluation.cases import base_cells
@@ -169,7 +169,7 @@ def main(arguments: Sequence[str] | None = None, say: Callable[[str], None] | No
     options.add_argument("--measure", type=int, nargs=2, metavar=("GAUSSIANS", "BATCH"), help=argparse.SUPPRESS)
     options.add_argument("--quick", action="store_true", help="few images and steps: does it run?")
     options.add_argument("--machine", default="", help="the machine, in words")
-    options.add_argument("--output", type=Path, default=DOCS, help="folder that holds clusters.md")
+    options.add_argument("--output", type=Path, default=RESULTS, help="folder that holds clusters.md")
     given = options.parse_args(arguments)
     catalog = with_chosen_splits(Catalog.open(given.catalog), TrainingSettings(), None, 0)
     if given.measure:

@@ -3,7 +3,7 @@
     taskset -c 0 python -m research.benchmarks.training.samples runs/tgv-iso/catalog.cdb runs/tgv-iso/comparison/catalog.cdb
 
 Each row fits the same Gaussians for as many steps, and scores images at the training views and at others. It fills its
-part of docs/splatting.md, or of a copy in the folder `--output`.
+part of docs/results/splatting.md, or of a copy in the folder `--output`.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from catalogs.store.catalog import Catalog
-from research.benchmarks.page import DOCS, command_line, made_by, page_in, stopwatch, table, write_parts
+from research.benchmarks.page import RESULTS, command_line, made_by, page_in, stopwatch, table, write_parts
 from research.studies.upper_bound import fitted_alone, means_of, subjects
 from surrogate.settings import TrainingSettings
 from surrogate.splatting.threads import one_torch_thread
@@ -64,7 +64,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--samples", type=int, nargs="+", default=[1, 2, 3], help="along the side of a pixel")
     parser.add_argument("--gaussians", type=int, default=18_000)
     parser.add_argument("--steps", type=int, default=6_000)
-    parser.add_argument("--output", type=Path, default=DOCS)
+    parser.add_argument("--output", type=Path, default=RESULTS)
     given = parser.parse_args(arguments)
     say = stopwatch()
 

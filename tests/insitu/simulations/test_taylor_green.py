@@ -120,7 +120,7 @@ def test_modes_do_not_depend_on_how_often_the_loop_stops():
 
 @pytest.mark.parametrize(
     ("resolution", "until", "energy_error", "dissipation_error"),
-    [  # measured: docs/taylor_green.md; the dissipation error is relative to the reference's peak
+    [  # measured: docs/results/taylor_green.md; the dissipation error is relative to the reference's peak
         (32, 3.0, 2e-4, 0.003),
         (64, 4.01, 5e-4, 0.005),
         (64, 9.01, 0.05, 0.16),
@@ -140,7 +140,7 @@ def test_energy_and_dissipation_are_those_of_the_reference(
 
 @pytest.mark.slow
 def test_the_reference_is_approached_with_resolution(shared_data: Path):
-    """At first by more than the factor of a second-order method; later only in part, as docs/taylor_green.md says."""
+    """At first by more than the factor of a second-order method; later only in part, as docs/results/taylor_green.md says."""
     reference = np.loadtxt(shared_data / REFERENCE)
     for until, factor, last in ((5.0, 4.0, 2e-4), (9.0, 1.4, 0.025)):
         rows = reference[reference[:, 0] <= until]

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from research.benchmarks.page import DOCS, PROJECT, command_line, commit, fill, made_by, page_in, stopwatch, table
+from research.benchmarks.page import PROJECT, RESULTS, command_line, commit, fill, made_by, page_in, stopwatch, table
 
 PAGE = "# Title\n\nabove\n<!-- one: begin -->\nold\n<!-- one: end -->\nbetween\n<!-- two: begin -->\n<!-- two: end -->\nbelow\n"
 
@@ -60,8 +60,8 @@ def test_the_line_under_a_table_names_command_commit_and_machine() -> None:
 
 def test_a_page_elsewhere_begins_as_it_is_in_docs(tmp_path: Path) -> None:
     page = page_in(tmp_path / "new", "gpu.md")
-    assert page.read_bytes() == (DOCS / "gpu.md").read_bytes()
-    assert page_in(DOCS, "gpu.md") == DOCS / "gpu.md"
+    assert page.read_bytes() == (RESULTS / "gpu.md").read_bytes()
+    assert page_in(RESULTS, "gpu.md") == RESULTS / "gpu.md"
 
 
 def test_the_command_line_says_what_the_benchmark_does(capsys: pytest.CaptureFixture[str]) -> None:
@@ -80,7 +80,7 @@ def test_every_part_has_its_place_on_the_page() -> None:
     from research.benchmarks.splatting.__main__ import PAGE, PARTS
 
     simulation = taylor_green.sections(np.empty((0, 4)), with_finest=True)
-    for page, parts in {DOCS / PAGE: PARTS, rendering.PAGE: rendering.PARTS, taylor_green.PAGE: simulation}.items():
+    for page, parts in {RESULTS / PAGE: PARTS, rendering.PAGE: rendering.PARTS, taylor_green.PAGE: simulation}.items():
         text = page.read_text()
         for part in parts:
             assert text.count(f"<!-- {part}: begin -->") == text.count(f"<!-- {part}: end -->") == 1, (page, part)

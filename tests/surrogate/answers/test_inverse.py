@@ -138,7 +138,9 @@ def test_a_figure_shows_pictures_and_intervals_or_intervals_alone(two: Path, tmp
 @pytest.mark.slow
 def test_the_documented_code_runs(two: Path) -> None:
     catalog = Catalog.open(two / "catalog.cdb")
-    (code,) = [block for block in documented_code("docs/answers.md", "Which parameters draw this") if "import" in block]
+    (code,) = [
+        block for block in documented_code("docs/results/answers.md", "Which parameters draw this") if "import" in block
+    ]
     name, picture = _tested(catalog), stored_target(catalog, _tested(catalog), 3).picture
     names = {"model": Surrogate.load(two / "surrogate"), "catalog": catalog, "folder": two, "picture": picture}
     exec(code.replace('"member-0003", 17', f'"{name}", 3'), names)

@@ -4,7 +4,7 @@
     [--page-only] [--runs DIRECTORY]
 
 Takes about an hour on two cores. Each fit's result is stored in runs/fidelity/ and not fitted again, so the command may
-be interrupted. The page docs/volume_fidelity.md is written at the end, or at once with `--page-only`.
+be interrupted. The page docs/results/volume_fidelity.md is written at the end, or at once with `--page-only`.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ import json
 from pathlib import Path
 from typing import Any
 
-from research.benchmarks.page import DOCS, PROJECT, command_line, stopwatch
+from research.benchmarks.page import PROJECT, RESULTS, command_line, stopwatch
 from research.benchmarks.training.fidelity import ensembles, page
 from research.benchmarks.training.fidelity.fitting import (
     MemberImages,
@@ -49,7 +49,7 @@ def main() -> None:
             if arguments.ensembles:
                 ensembles.measure(arguments.runs, folder, QUICK if arguments.quick else 1.0, say)
     results = {scene: stored(folder / scene) for scene in arguments.scenes}
-    page.write(DOCS if not arguments.quick else folder, results, ensembles.stored(folder), say)
+    page.write(RESULTS if not arguments.quick else folder, results, ensembles.stored(folder), say)
 
 
 def measure(scene: str, runs: Path, folder: Path, scale: float, say: Any) -> None:

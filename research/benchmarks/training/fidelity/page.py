@@ -1,4 +1,4 @@
-"""docs/volume_fidelity.md: the tables and the plot between its markers."""
+"""docs/results/volume_fidelity.md: the tables and the plot between its markers."""
 
 from __future__ import annotations
 

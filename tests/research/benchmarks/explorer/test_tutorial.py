@@ -1,4 +1,4 @@
-"""docs/tutorial.ipynb: what is stored is whole and clean, and its cells still do what the text says."""
+"""docs/start/tutorial.ipynb: what is stored is whole and clean, and its cells still do what the text says."""
 
 from __future__ import annotations
 

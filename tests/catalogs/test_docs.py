@@ -1,0 +1,40 @@
+"""`surrogate docs`: the site of a checkout, its pages where it is not built, and a sentence elsewhere."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+
+from catalogs.docs import place
+from insitu.cli import main as insitu
+from surrogate.cli import main as surrogate
+
+
+def test_the_site_of_a_checkout_is_opened(tmp_path: Path) -> None:
+    page = tmp_path / "docs" / "_build" / "html" / "index.html"
+    page.parent.mkdir(parents=True)
+    page.write_text("a page")
+    assert place(tmp_path) == (page.as_uri(), f"The documentation: {page}")
+
+
+def test_a_checkout_without_a_site_says_how_to_build_it(tmp_path: Path) -> None:
+    (tmp_path / "docs").mkdir()
+    (tmp_path / "docs" / "conf.py").write_text("")
+    address, sentence = place(tmp_path)
+    assert address == ""
+    assert f"python -m sphinx {tmp_path / 'docs'}" in sentence
+
+
+def test_elsewhere_a_sentence_says_where_it_is(tmp_path: Path) -> None:
+    assert "folder `docs` of the source code" in place(tmp_path)[1]
+
+
+@pytest.mark.parametrize("group", [surrogate, insitu], ids=["surrogate", "insitu"])
+def test_the_command_says_where_the_pages_are(group: object, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("DISPLAY", raising=False)
+    monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
+    done = CliRunner().invoke(group, ["docs"])  # type: ignore[arg-type]
+    assert done.exit_code == 0
+    assert done.output.startswith("The documentation")
