@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 # A purpose's place is its key: those of former purposes stay, so that all others draw the same numbers.
-PURPOSES = ("initialization", "order", "relocation", "latents", "hull", "hard examples", "normals", "values")
+PURPOSES = ("initialization", "order", "relocation", "latents", "hull", "hard examples", "normals", "values", "members")
 
 
 def generator(seed: int, purpose: str, step: int = 0) -> np.random.Generator:

@@ -8,7 +8,7 @@ from typing import NamedTuple
 from research.benchmarks.results.gaps import Gap
 from research.studies.baselines import hexplane_gaussians, visnerf
 from research.studies.baselines.method import PRECISIONS
-from research.studies.comparison.methods import CONTESTANTS, USUAL
+from research.studies.comparison.methods import CONTESTANTS, usual
 from research.studies.comparison.result import ComparisonResult, MethodRow
 
 
@@ -18,7 +18,7 @@ class Trainings(NamedTuple):
     scenes: Sequence[str]
     minutes: float
     seeds: int
-    methods: Sequence[str] = USUAL
+    methods: Sequence[str] = usual()
     threads: int = 1
 
 
@@ -26,7 +26,8 @@ SCENES = ("tgv", "cloverleaf", "nyx")
 PROTOCOL = (
     Trainings(SCENES, 5.0, seeds=3),
     Trainings(SCENES, 30.0, seeds=1),
-    Trainings(("tgv-iso", "tgv-tf"), 5.0, seeds=1),
+    Trainings(("tgv-iso",), 5.0, seeds=1, methods=usual("isovalue")),
+    Trainings(("tgv-tf",), 5.0, seeds=1, methods=usual("transfer_function")),
     Trainings(
         ("cloverleaf",), 240.0, seeds=1, methods=(hexplane_gaussians.METHOD.name, visnerf.METHOD.name), threads=2
     ),

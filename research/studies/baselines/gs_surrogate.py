@@ -17,8 +17,8 @@ These chances are renewed after every fortieth of the training (2,000 of 80,000 
 Differences: the canonical Gaussians are those of `research.studies.baselines.canonical`, with Adam's moments of zero.
 SSIM has zeros beyond the border, where theirs leaves the border out. The loss compares alpha too, where images have
 any, as that of the canonical Gaussians does. Isovalues and transfer functions are parameters like those of the
-simulation, of one joint network; the authors train a second network for them. Both sizes of a plan are the published
-one.
+simulation, of one joint network; `gs_surrogate_separate` has the authors' own networks for them. Both sizes of a plan
+are the published one.
 """
 
 from __future__ import annotations
@@ -32,6 +32,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import Tensor
 from torch.nn.functional import layer_norm, linear
 
@@ -49,6 +50,7 @@ MARGIN = 1.1  # of `extent_of` beyond the farthest camera
 FINAL_FACTOR = 0.1  # of the rates that fall
 OFFICIAL_STEPS = 80_000  # of the second stage
 RENEWAL = 2_000  # of these steps between renewals of the images' chances
+NEWEST = 0.1  # of the newest loss in the mean of a group's
 GAUSSIAN_EPSILON = 1e-15  # of Adam; the network has torch's 1e-8
 
 Networks: TypeAlias = Mapping[str, Tensor]
@@ -56,24 +58,50 @@ Networks: TypeAlias = Mapping[str, Tensor]
 
 @dataclass(frozen=True)
 class GSSurrogateArchitecture:
-    """Numbers of parameters, widths of the layers, and frequencies of the positional encodings."""
+    """Numbers of parameters, widths of the layers, and frequencies of the positional encodings.
+
+    Attributes
+    ----------
+    parameters : that one encoder sees, in [0, 1].
+    visualization : the number of those that follow, and have an encoder of their own; 0 for none.
+    visualization_frequencies, visualization_low : of their encoding, and the lowest value of its range, which ends at 1.
+    backbone_layers : before the heads.
+    heads : the tensors of the Gaussians that change, of `COLUMNS`.
+    """
 
     parameters: int
     feature_width: int = 128
     hidden_width: int = 512
     position_frequencies: int = 10
     parameter_frequencies: int = 2
+    visualization: int = 0
+    visualization_frequencies: int = 2
+    visualization_low: float = 0.0
+    backbone_layers: int = 3
+    heads: tuple[str, ...] = tuple(COLUMNS)
 
     def widths(self) -> dict[str, tuple[int, ...]]:
         """Input columns of each perceptron, then the outputs of its layers; encoders, adapter, backbone, then heads."""
         feature, hidden = self.feature_width, self.hidden_width
+        own = self.visualization * (1 + 2 * self.visualization_frequencies)
         return {
             "position": (3 * (1 + 2 * self.position_frequencies), hidden, hidden, feature),
             "parameters": (self.parameters * (1 + 2 * self.parameter_frequencies), hidden, feature),
-            "adapter": (feature, feature, feature),
-            "backbone": (feature, hidden, hidden, hidden),
-            **{head: (hidden, hidden, columns) for head, columns in COLUMNS.items()},
+            **({"visualization": (own, hidden, feature)} if own else {}),
+            "adapter": (feature * (2 if own else 1), feature, feature),
+            "backbone": (feature, *[hidden] * self.backbone_layers),
+            **{head: (hidden, hidden, COLUMNS[head]) for head in self.heads},
         }
+
+    def code(self, networks: Networks, parameters: Tensor) -> Tensor:
+        """The encoders' outputs (1, F or 2 F), which the adapter sees, for parameters (P + V,) in [-1, 1]."""
+        of_all, of_own = parameters[None, : self.parameters], parameters[None, self.parameters :]  # [1, P], [1, V]
+        code = perceptron(networks, "parameters", encode((of_all + 1.0) / 2.0, self.parameter_frequencies))  # [1, F]
+        if not self.visualization:
+            return code
+        low = self.visualization_low
+        own = encode(low + (1.0 - low) * (of_own + 1.0) / 2.0, self.visualization_frequencies)
+        return torch.cat([code, perceptron(networks, "visualization", own)], dim=1)
 
     def initial(self, random: np.random.Generator) -> dict[str, Tensor]:
         """Initial tensors of the networks by name, which move nothing; `adapter.1.weights` are those of the adapter's second layer.
@@ -106,6 +134,9 @@ class Recipe:
     other_factor : factor on the other rates of the canonical Gaussians; 0.001 nearly freezes them.
     ssim_weight : weight of 1 - SSIM in the loss; L1 has the rest.
     mining_power : power of the losses that gives the sampling chances; 0 samples all images alike.
+    mining_together : images of the same parameters share a loss, the mean of those before with a tenth of the newest.
+    cosine : the network's rate falls along half a cosine, not exponentially.
+    official_steps : of the published training, of which `RENEWAL` is counted.
     """
 
     rate: float = 1e-4
@@ -113,6 +144,9 @@ class Recipe:
     other_factor: float = 1.0
     ssim_weight: float = 0.2
     mining_power: float = 1.5
+    mining_together: bool = False
+    cosine: bool = False
+    official_steps: int = OFFICIAL_STEPS
 
     def loss(self, drawn: Tensor, picture: Tensor) -> Tensor:
         """The loss of a rendered image (H, W, 4) against (H, W, 3 or 4), as in `image_loss`."""
@@ -125,8 +159,13 @@ def rates(recipe: Recipe, plan: Plan, extent: float, step: int) -> dict[str, flo
     decay = FINAL_FACTOR ** (step / plan.steps)
     by_name = {name: recipe.other_factor * rate for name, rate in canonical.RATES.items()}
     by_name["means"] = recipe.mean_factor * canonical.MEAN_RATE * extent / MARGIN * decay
-    by_name["network"] = recipe.rate * decay
+    by_name["network"] = recipe.rate * (cosine_decay(step / plan.steps) if recipe.cosine else decay)
     return {name: plan.rate * rate for name, rate in by_name.items()}
+
+
+def cosine_decay(fraction: float) -> float:
+    """The factor on a rate after a fraction of the steps: from 1 to `FINAL_FACTOR` along half a cosine."""
+    return FINAL_FACTOR + (1.0 - FINAL_FACTOR) * (1.0 + math.cos(math.pi * fraction)) / 2.0
 
 
 def perceptron(networks: Networks, name: str, inputs: Tensor) -> Tensor:
@@ -156,11 +195,18 @@ def offsets(
     The opacity's output has passed a tanh: its logit changes by less than 1.
     """
     encoded = encode(places, architecture.position_frequencies)  # [N, 63]
-    condition = encode((parameters[None] + 1.0) / 2.0, architecture.parameter_frequencies)  # [1, 5 P]
-    shift = perceptron(networks, "adapter", perceptron(networks, "parameters", condition))  # [1, F]
+    shift = perceptron(networks, "adapter", architecture.code(networks, parameters))  # [1, F]
     features = perceptron(networks, "backbone", perceptron(networks, "position", encoded) + shift)  # [N, H]
-    outputs = {head: perceptron(networks, head, features).float() for head in COLUMNS}
+    outputs = {head: perceptron(networks, head, features).float() for head in architecture.heads}
     return outputs | {"opacity_logits": outputs["opacity_logits"].tanh()}
+
+
+def moved(gaussians: HarmonicGaussians, moves: Mapping[str, Tensor], unit: float) -> HarmonicGaussians:
+    """The Gaussians with `offsets` added; those of the means are in `unit`s."""
+    tensors = gaussians.tensors()
+    for head, move in moves.items():
+        tensors[head] = tensors[head] + (unit * move if head == "means" else move).view_as(tensors[head])
+    return HarmonicGaussians(**tensors)
 
 
 class GSSurrogate:
@@ -188,13 +234,13 @@ class GSSurrogate:
         groups = [{"name": name, "params": [leaf], "eps": GAUSSIAN_EPSILON} for name, leaf in self._leaves.items()]
         groups += [{"name": "network", "params": list(self._networks.values())}]
         self._adam = torch.optim.Adam(groups)
-        self._mining = HardMining(len(pictures), plan, self._recipe.mining_power)
+        self._mining = mining(pictures, plan, self._recipe)
         self._step = 0
 
     def advance(self) -> float:
         """One training step; returns its loss."""
         picture = self._mining.drawn(self._step)
-        gaussians = self._deformed(self._pictures.parameters[picture])
+        gaussians = self.deformed(self._pictures.parameters[picture])
         drawn = gaussians.draw_over(self._pictures.camera(picture), self._pictures.behind)  # [H, W, 4]
         target = canonical.compared(self._pictures, picture).to(drawn.device)  # [H, W, 3 or 4]
         loss = self._recipe.loss(drawn, target)
@@ -211,7 +257,7 @@ class GSSurrogate:
     @torch.no_grad()
     def at(self, parameters: Tensor) -> Renderer:
         """See `Fit`; the network is evaluated here, once for all cameras."""
-        return partial(self._deformed(parameters).picture, background=self._pictures.background)
+        return partial(self.deformed(parameters).picture, background=self._pictures.background)
 
     def tensors(self) -> dict[str, Tensor]:
         """The canonical Gaussians' `harmonics` and so on, and the networks' tensors, such as `network.backbone.0.weights`."""
@@ -228,44 +274,69 @@ class GSSurrogate:
         self._mining.restore(inner(state, "mining"))
         self._step = step
 
-    def _deformed(self, parameters: Tensor) -> HarmonicGaussians:
+    def places(self, means: Tensor) -> Tensor:
+        """Places (N, 3) as the networks see them; detached as in the authors' code."""
+        return (means.detach() - self._center) / self._extent
+
+    def deformed(self, parameters: Tensor) -> HarmonicGaussians:
         """The Gaussians at normalized parameters (P,)."""
         gaussians = canonical.of_leaves(self._leaves)
-        places = (gaussians.means.detach() - self._center) / self._extent  # [N, 3]; detached as in the authors' code
-        narrow = self._plan.precision == "bfloat16"
-        with torch.autocast(places.device.type, dtype=torch.bfloat16, enabled=narrow):
+        places = self.places(gaussians.means)  # [N, 3]
+        with narrow(self._plan, places):
             moves = offsets(self._networks, self._architecture, places, parameters.to(places))
-        return HarmonicGaussians(
-            gaussians.means + self._extent / MARGIN * moves["means"],
-            gaussians.log_scales + moves["log_scales"],
-            gaussians.quats + moves["quats"],
-            gaussians.opacity_logits + moves["opacity_logits"].squeeze(1),
-            gaussians.harmonics + moves["harmonics"].view_as(gaussians.harmonics),
-        )
+        return moved(gaussians, moves, self._extent / MARGIN)
+
+
+def narrow(plan: Plan, tensor: Tensor) -> torch.autocast:
+    """A context where networks compute in the plan's precision, on the device of `tensor`."""
+    return torch.autocast(tensor.device.type, dtype=torch.bfloat16, enabled=plan.precision == "bfloat16")
+
+
+def mining(pictures: TrainingImages, plan: Plan, recipe: Recipe) -> HardMining:
+    """The sampler of a training."""
+    groups = None
+    if recipe.mining_together:
+        groups = np.unique(pictures.parameters.cpu().numpy(), axis=0, return_inverse=True)[1].reshape(-1)  # [M]
+    return HardMining(len(pictures), plan, recipe.mining_power, groups=groups, official_steps=recipe.official_steps)
 
 
 class HardMining:
-    """Image sampling with chances proportional to a power of the last losses, renewed from time to time."""
+    """Image sampling with chances proportional to a power of the last losses, renewed from time to time.
 
-    def __init__(self, pictures: int, plan: Plan, power: float) -> None:
+    With `groups` (images,), numbers from 0, all images of a group have the same chance, from its losses' moving mean.
+    """
+
+    def __init__(
+        self,
+        pictures: int,
+        plan: Plan,
+        power: float,
+        *,
+        groups: NDArray[np.int64] | None = None,
+        official_steps: int = OFFICIAL_STEPS,
+    ) -> None:
         self._seed, self._power = plan.seed, power
-        self._interval = max(1, plan.steps * RENEWAL // OFFICIAL_STEPS)
-        self._losses = np.ones(pictures)
+        self._groups, self._newest = (np.arange(pictures), 1.0) if groups is None else (groups, NEWEST)
+        self._interval = max(1, plan.steps * RENEWAL // official_steps)
+        self._losses = np.full(self._groups.max() + 1, np.nan)  # [groups]
         self._cumulative = np.arange(1.0, pictures + 1.0)  # [pictures]
 
     def drawn(self, step: int) -> int:
         """The image of a step."""
         place = generator(self._seed, "hard examples", step).random() * self._cumulative[-1]
-        return min(int(np.searchsorted(self._cumulative, place, side="right")), len(self._losses) - 1)
+        return min(int(np.searchsorted(self._cumulative, place, side="right")), len(self._groups) - 1)
 
     def tell(self, step: int, picture: int, loss: float) -> None:
         """Record the loss of the image of a step; the chances follow at the next renewal."""
-        self._losses[picture] = loss
+        group = self._groups[picture]
+        before = loss if np.isnan(self._losses[group]) else self._losses[group]
+        self._losses[group] = (1.0 - self._newest) * before + self._newest * loss
         if step and step % self._interval == 0:
-            self._cumulative = np.cumsum(np.maximum(self._losses, 1e-12) ** self._power)
+            losses = np.where(np.isnan(self._losses), 1.0, self._losses)[self._groups]  # [pictures]
+            self._cumulative = np.cumsum(np.maximum(losses, 1e-12) ** self._power)
 
     def state(self) -> State:
-        """Losses and chances (images,)."""
+        """Losses (groups,) and chances (images,)."""
         return {"losses": torch.from_numpy(self._losses), "cumulative": torch.from_numpy(self._cumulative)}
 
     def restore(self, state: State) -> None:

@@ -32,6 +32,7 @@ class TrainingImages:
     parameters : (M, P) float32 in [-1, 1] over their bounds: those of the simulation, then those of the visualization.
     box : (2, 3) float32, low and high corner of the volume.
     background : (3,) behind opaque images; None where images have alpha, which are judged over white.
+    visualization : the number of the last parameters that are the visualization's.
     points, point_colors : (K, 3) float32 each, points that the hook sampled by opacity, and their colours; None without
         any.
     """
@@ -42,6 +43,7 @@ class TrainingImages:
     parameters: Tensor  # [M, P]
     box: Tensor  # [2, 3]
     background: tuple[float, float, float] | None = None
+    visualization: int = 0
     points: Tensor | None = None  # [K, 3]
     point_colors: Tensor | None = None  # [K, 3]
 

@@ -26,8 +26,11 @@ def curves(results: Sequence[ComparisonResult]) -> bytes | None:
 
     Methods that were trained in both precisions are shown in float32.
     """
+    from matplotlib import colormaps
     from matplotlib.figure import Figure
 
+    tones = colormaps["tab20"].colors  # type: ignore[attr-defined]  # [20, 3]: a light one after each dark one
+    colors = dict(zip(CONTESTANTS, (*tones[::2], *tones[1::2]), strict=False))
     shown = [r for r in in_float32(results) if r.curve and not r.error and r.device == "cpu"]
     if not shown:
         return None
@@ -38,7 +41,7 @@ def curves(results: Sequence[ComparisonResult]) -> bytes | None:
         name = title(result.row).strip("*")
         axes.plot(
             *zip(*result.curve, strict=True),
-            color=f"C{list(CONTESTANTS).index(result.method)}",
+            color=colors[result.method],
             label=name if name not in named else None,
             linestyle=lines[result.minutes],
             linewidth=2.2 if result.method == OURS else 1.0,

@@ -86,7 +86,8 @@ def study_of(
     with durable.locked(own / f".{name}.lock"):  # or two processes would make the same images
         task = ComparisonTask.of(reduced(catalog, own / "catalog.cdb", progress))
     plan = Plan(1, size="official" if options.published else "small", threads=options.threads)
-    contestants = chosen(options.methods, with_fields=not lacking(task.source))
+    kind = "" if task.variation is None else task.variation.kind
+    contestants = chosen(options.methods, kind=kind, with_fields=not lacking(task.source))
     until = time.monotonic() + 60.0 * options.stop_after
     minutes = (AS_PUBLISHED,) if options.published else options.minutes
     return ComparisonStudy(

@@ -106,6 +106,7 @@ class ComparisonTask:
             parameters.to(device),
             box=_float32(box).to(device),
             background=data.background,
+            visualization=0 if self.variation is None else len(self.variation.space),
             points=None if colors is None or points is None else _float32(points.places).to(device),
             point_colors=None if colors is None else colors.to(device),
         )

@@ -5,7 +5,7 @@ from __future__ import annotations
 from research.benchmarks.results.gaps import Gap
 from research.benchmarks.results.protocol import PROTOCOL, Trainings, gaps
 from research.studies.baselines.method import Precision
-from research.studies.comparison.methods import USUAL
+from research.studies.comparison.methods import usual
 from research.studies.comparison.result import ComparisonResult
 
 SOME = (
@@ -60,4 +60,4 @@ def test_nothing_is_missing_once_all_is_there() -> None:
     }
     assert gaps(whole) == []
     assert len([gap for gap in gaps({}) if gap.what.startswith("5 min: ")]) == 5
-    assert len(whole["cloverleaf"]) == 4 * len(USUAL) + 2
+    assert len(whole["cloverleaf"]) == 4 * len(usual()) + 2

@@ -36,3 +36,18 @@ def test_mining_begins_in_short_plans_too_and_survives_perfect_pictures(steps: i
     for picture in range(3):
         mining.tell(2, picture, 0.0)
     np.testing.assert_allclose(frequencies(mining, 3), 1.0 / 3.0, atol=0.03)
+
+
+def test_pictures_of_a_group_share_the_moving_mean_of_their_losses() -> None:
+    mining = HardMining(5, Plan(400), 1.5, groups=np.array([0, 0, 1, 1, 2]), official_steps=160_000)
+    for step, (picture, loss) in enumerate([(0, 1.0), (1, 0.5), (0, 0.2), (2, 3.0), (1, 0.4)], start=1):
+        mining.tell(step, picture, loss)  # renewed after the fifth step
+    means = [0.9 * (0.9 * (0.9 * 1.0 + 0.05) + 0.02) + 0.04, 3.0, 1.0]  # one that was never drawn counts as 1
+    expected = np.array(means)[[0, 0, 1, 1, 2]] ** 1.5
+    np.testing.assert_allclose(frequencies(mining, 5), expected / expected.sum(), atol=0.03)
+    again = HardMining(5, Plan(400), 1.5, groups=np.array([0, 0, 1, 1, 2]), official_steps=160_000)
+    again.restore({name: tensor.clone() for name, tensor in mining.state().items()})
+    assert [again.drawn(step) for step in range(50)] == [mining.drawn(step) for step in range(50)]
+    for sampler in (mining, again):
+        sampler.tell(10, 4, 0.1)
+    assert [again.drawn(step) for step in range(50)] == [mining.drawn(step) for step in range(50)]

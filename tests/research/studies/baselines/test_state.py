@@ -10,19 +10,33 @@ import numpy as np
 import pytest
 import torch
 
-from research.studies.baselines import gs_surrogate, hexplane_gaussians, insitunet, kplanes, visnerf
+from research.studies.baselines import (
+    gs_surrogate,
+    gs_surrogate_separate,
+    hexplane_gaussians,
+    insitunet,
+    kplanes,
+    visnerf,
+)
 from research.studies.baselines.method import Method, Plan
 from research.studies.baselines.state import inner, of_optimizer, outer, restore_optimizer
 from surrogate.storage.checkpoints import Checkpoint
 from tests.research.support.baseline_scenes import ball_pictures
 
 METHODS = (gs_surrogate.METHOD, hexplane_gaussians.METHOD, kplanes.METHOD, visnerf.METHOD, insitunet.METHOD)
+FUNCTIONS, ISOSURFACES = gs_surrogate_separate.FOR_FUNCTIONS, gs_surrogate_separate.FOR_ISOSURFACES
 PICTURES = ball_pictures([[-1.0], [1.0]], views=2, size=16)
+VARIED = replace(ball_pictures([[-1.0, 0.0], [1.0, 0.0], [1.0, 1.0]], views=2, size=16), visualization=1)
 
 
 @pytest.mark.parametrize(
     ("method", "before"),
-    [(hexplane_gaussians.METHOD, 0), *((method, 3) for method in METHODS)],
+    [
+        (hexplane_gaussians.METHOD, 0),
+        *((method, 3) for method in METHODS),
+        *((FUNCTIONS, steps) for steps in (0, 2, 3, 5)),  # of 3 for the volume and 3 for the functions
+        (ISOSURFACES, 3),
+    ],
     ids=lambda value: getattr(value, "name", value),
 )
 def test_a_method_goes_on_from_its_checkpoint(
@@ -35,9 +49,9 @@ def test_a_method_goes_on_from_its_checkpoint(
         kplanes, "SMALL", replace(kplanes.SMALL, resolutions=(8, 16), proposals=(16,), samples=(16, 12))
     )
     monkeypatch.setitem(visnerf.SIZES, "small", visnerf.Sizes(64, 6, 12, 1.0, 8**3 + 1))
-    plan = Plan(6, seed=1, size="small")
-    prepared = {} if method.prepare is None else method.prepare(PICTURES, 0, count=60, steps=5)  # type: ignore[call-arg]
-    whole, first, second = (method.begin(PICTURES, plan, prepared) for _ in range(3))
+    plan, pictures = Plan(6, seed=1, size="small"), VARIED if method in (FUNCTIONS, ISOSURFACES) else PICTURES
+    prepared = {} if method.prepare is None else method.prepare(pictures, 0, count=60, steps=5)  # type: ignore[call-arg]
+    whole, first, second = (method.begin(pictures, plan, prepared) for _ in range(3))
     losses = [whole.advance() for _ in range(6)]
     for _ in range(before):
         first.advance()
@@ -48,7 +62,7 @@ def test_a_method_goes_on_from_its_checkpoint(
     assert [second.advance() for _ in range(6 - before)] == losses[before:]
     for name, tensor in whole.tensors().items():
         assert torch.equal(tensor, second.tensors()[name]), name
-    parameters, camera = PICTURES.parameters[0], PICTURES.camera(0)
+    parameters, camera = pictures.parameters[-1], pictures.camera(0)
     np.testing.assert_array_equal(second.at(parameters)(camera), whole.at(parameters)(camera))
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from research.studies.comparison.methods import CONTESTANTS, EMULATED, LIGHT, OURS, chosen
+from research.studies.comparison.methods import CONTESTANTS, EMULATED, LIGHT, MADE_FOR, OURS, chosen, usual
 from research.studies.comparison.page import cell_names, in_short, leaders, tables
 from research.studies.comparison.pictures import SHOWN, TRUTH, path_of, stored_images
 from research.studies.comparison.plots import curves, sheet, without_pictures
@@ -181,10 +181,25 @@ def test_the_best_rule_is_that_of_its_cell() -> None:
 
 def test_contestants_are_chosen_by_name() -> None:
     assert [c.name for c in chosen(["visnerf", OURS])] == [OURS, "visnerf"]
-    usual = [c.name for c in chosen([])]
-    assert {OURS, "gs-surrogate", "4dgs-hd", "k-planes", "visnerf", "insitunet"} < set(usual) < set(CONTESTANTS)
-    assert set(CONTESTANTS) - set(usual) == {LIGHT, EMULATED, "k-planes-naive", "4dgs-hd-naive"}
-    before = [*usual[: usual.index("ours-in-steps-of-gs-surrogate")], ""]
+    ordinary = [c.name for c in chosen([])]
+    assert {OURS, "gs-surrogate", "4dgs-hd", "k-planes", "visnerf", "insitunet"} < set(ordinary) < set(CONTESTANTS)
+    assert set(CONTESTANTS) - set(ordinary) == {LIGHT, EMULATED, "k-planes-naive", "4dgs-hd-naive", *MADE_FOR}
+    before = [*ordinary[: ordinary.index("ours-in-steps-of-gs-surrogate")], ""]
     assert {contestant.steps_of for contestant in CONTESTANTS.values()} <= set(before)
     with pytest.raises(ValueError, match=r"unknown methods \['nerf'\]; known are"):
         chosen(["nerf"])
+
+
+def test_networks_for_one_kind_of_variation_are_compared_there_alone() -> None:
+    functions, isosurfaces = "gs-surrogate-functions", "gs-surrogate-isosurfaces"
+    for kind, name in (("transfer_function", functions), ("isovalue", isosurfaces), ("", None)):
+        names = [contestant.name for contestant in chosen([], kind=kind)]
+        assert [other for other in names if other in MADE_FOR] == [name] * (name is not None)
+        assert tuple(names) == usual(kind)
+    assert [c.name for c in chosen([functions])] == [functions], "where the kind isn't known yet"
+    with pytest.raises(
+        ValueError, match=f"{functions} is made for variations of kind transfer_function, not for isovalue"
+    ):
+        chosen([functions, isosurfaces], kind="isovalue")
+    with pytest.raises(ValueError, match="not for none"):
+        chosen([isosurfaces], kind="")

@@ -45,6 +45,7 @@ def test_opaque_pictures_have_alpha_and_a_background(make_catalog) -> None:
     pictures = ComparisonTask.of(catalog).pictures()
     assert pictures.background == (0.25, 0.5, 1.0)
     assert (pictures.pixels[..., 3] == 255).all()
+    assert pictures.visualization == 0
 
 
 def test_cells_are_test_images_and_stay_the_same(catalog: Catalog) -> None:
@@ -85,7 +86,7 @@ def test_a_variation_is_compared_where_there_is_one(varied: Catalog) -> None:
     assert task.variation is not None
     assert task.variation.kind == "isovalue"
     pictures = task.pictures()
-    assert pictures.parameters.shape[1] == 2
+    assert (pictures.parameters.shape[1], pictures.visualization) == (2, 1)
     assert set(task.cells) == {"unseen isovalues", "unseen isovalues and parameters"}
     case = task.cells["unseen isovalues and parameters"][0]
     assert task.parameters(case).shape == (2,)
@@ -97,6 +98,7 @@ def test_a_variation_is_compared_where_there_is_one(varied: Catalog) -> None:
 def test_the_base_belongs_to_transfer_functions(varied: Catalog) -> None:
     [variation] = [v for v in varied.plan.variations if v.kind == "transfer_function"]
     pictures = ComparisonTask(varied, variation).pictures()
+    assert pictures.visualization == len(variation.space) == pictures.parameters.shape[1] - 1
     still = (pictures.parameters[:, 1:] == 0.0).all(dim=1)
     views = sum(split == "train" for split in varied.members[0].view_splits)
     assert int(still.sum()) == views * sum(m.split == "train" for m in varied.members)
