@@ -13,7 +13,7 @@ SCENES  ?= $(filter $(basename $(notdir $(wildcard scenes/*.toml))),$(patsubst $
 BIN     := .venv/bin
 STUDY   := $(BIN)/python -m research.studies
 SETUP   := .venv/.complete
-SOURCES := pyproject.toml constraints.txt CMakeLists.txt $(wildcard surrogate/kernels/src/*)
+SOURCES := pyproject.toml constraints.txt CMakeLists.txt $(wildcard native/kernels/src/*)
 # The example whose script scene SCENE runs, if it is hooked: somebody else's code, in an environment of its own.
 EXAMPLE := $(shell sed -n 's|^script = "../examples/\([^/"]*\)/.*|\1|p' scenes/$(SCENE).toml 2>/dev/null)
 HOOKED  := $(if $(EXAMPLE),.venv-$(EXAMPLE)/.complete)

@@ -18,7 +18,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 PROJECT = Path(__file__).resolve().parent.parent
-PACKAGES = {"catalogs", "insitu", "render", "surrogate"}
+PACKAGES = {"catalogs", "insitu", "native", "render", "surrogate"}
 OTHERS = {
     "CHANGELOG.md",
     "CITATION.cff",

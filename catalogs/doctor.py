@@ -64,7 +64,7 @@ class Probe:
 PROBES = (
     Probe(
         "kernels",
-        "import os, numpy; from surrogate import kernels; names = kernels.instruction_sets()\n"
+        "import os, numpy; from native import kernels; names = kernels.instruction_sets()\n"
         "kernels.directional_colors(*map(numpy.float32, ([[0, 0, 1]], [[0] * 12], [0, 0, 0])), 1)\n"
         "print(os.environ.get('GS_SURROGATE_INSTRUCTION_SET') or names[0], 'of', ', '.join(names))",
         "numpy",

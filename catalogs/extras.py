@@ -30,7 +30,7 @@ def remedy(error: ModuleNotFoundError, needing: str, extra: str) -> str:
     if error.name is None:
         return str(error)
     package = error.name.partition(".")[0]
-    if package in ("catalogs", "insitu", "render", "surrogate"):
+    if package in ("catalogs", "insitu", "native", "render", "surrogate"):
         raise error
     if package not in OF_PACKAGE:
         return f"{needing} needs the package {package}, which is not installed"

@@ -8,7 +8,7 @@ from functools import lru_cache
 from types import FrameType
 from typing import Any
 
-OURS = {"catalogs", "insitu", "render", "surrogate"}
+OURS = {"catalogs", "insitu", "native", "render", "surrogate"}
 APPEARANCES, READERS = "gs_surrogate.appearances", "gs_surrogate.readers"
 TABLES = "gs_surrogate.scene_tables"  # of scenes, checked by the functions that read them
 

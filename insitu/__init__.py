@@ -8,7 +8,7 @@ Names load on first use, so importing this package costs nothing.
 from importlib.util import find_spec
 from os.path import dirname
 
-for _name in ("catalogs", "render"):
+for _name in ("catalogs", "native", "render"):
     if dirname(dirname(_origin := find_spec(_name).origin)) != dirname(dirname(__file__)):
         raise ImportError(
             f"{_origin} hides the package `{_name}` of gs-surrogate: rename it, or keep its folder from the path "

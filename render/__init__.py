@@ -3,7 +3,7 @@
 from importlib.util import find_spec
 from os.path import dirname
 
-for _name in ("catalogs",):
+for _name in ("native", "catalogs"):
     if dirname(dirname(_origin := find_spec(_name).origin)) != dirname(dirname(__file__)):
         raise ImportError(
             f"{_origin} hides the package `{_name}` of gs-surrogate: rename it, or keep its folder from the path "

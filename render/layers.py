@@ -26,7 +26,7 @@ class BlockRenderer:
     """Draws what a block adds to pictures of the whole: upload or extract once, draw many views, free on exit.
 
     Volumes take the same samples along the same rays as one process that has the whole.  Each sample is taken by the block in whose
-    space it lies, half-open, so none is lost or doubled.  `value_range` is the whole's `render.volume.drawn_range`.
+    space it lies, half-open, so none is lost or doubled.  `value_range` is the whole's `native.ray_casting.functions.drawn_range`.
     """
 
     def __init__(

@@ -50,9 +50,10 @@ class Drawable(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class WholeField:
-    """A field that lies in one grid."""
+    """A field that lies in one grid; `backend` draws it (`render.backends`)."""
 
     grid: Grid
+    backend: str = "auto"
 
     @property
     def spacing(self) -> Triple:
@@ -63,7 +64,14 @@ class WholeField:
         self, appearance: Appearance, cameras: Sequence[Camera], sample_distance: float | None, *, float_output: bool
     ) -> Iterable[NDArray[Any]]:
         """See `Drawable`."""
-        return render_views(self.grid, appearance, cameras, sample_distance=sample_distance, float_output=float_output)
+        return render_views(
+            self.grid,
+            appearance,
+            cameras,
+            sample_distance=sample_distance,
+            float_output=float_output,
+            backend=self.backend,
+        )
 
     def mean_change(self, transfer: TransferFunction) -> float:
         """See `Drawable`."""

@@ -8,9 +8,12 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from catalogs.files.png import LARGEST_SIDE
 from catalogs.vocabulary.appearance import Appearance, Isosurface, VolumeRendering
 from catalogs.vocabulary.cameras import Camera
 from catalogs.vocabulary.plugin_appearance import PluginAppearance
+from render.backends import backend_of
+from render.casting import cast_views
 from render.grids import Grid
 from render.isosurface import SUPERSAMPLING, box_average, surface_scene
 from render.placement import Placement
@@ -19,7 +22,7 @@ from render.window import aim, open_window
 
 
 class Renderer:
-    """Pictures of one field under one appearance: upload or extract once, draw many views, free on exit.
+    """VTK's pictures of one field under one appearance: upload or extract once, draw many views, free on exit.
 
     `sample_distance` is for volumes (see `render.volume`), `samples` how many lie along each side of a pixel, by default as many as
     `supersampling` says.  An empty isosurface is valid: its pictures are empty.
@@ -73,11 +76,21 @@ def supersampling(appearance: Appearance) -> int:
     return SUPERSAMPLING if isinstance(appearance, Isosurface) else 1
 
 
-def check_sizes(appearances: Iterable[Appearance], cameras: Iterable[Camera]) -> None:
-    """Raise ValueError where this machine's OpenGL can't draw pictures of a camera's size: it would leave them empty."""
-    most, longest = max(map(supersampling, appearances), default=1), open_window().longest_side
+def check_sizes(by_opengl: Iterable[Appearance], cameras: Sequence[Camera]) -> None:
+    """Raise ValueError where pictures of a camera's size are larger than is drawn.
+
+    This machine's OpenGL would leave those of appearances that it draws empty.
+    """
     for camera in cameras:
-        check_size(camera, most, longest)
+        if max(camera.width, camera.height) > LARGEST_SIDE:
+            raise ValueError(
+                f"pictures of {camera.width} x {camera.height} pixels are too large: choose width and height up to {LARGEST_SIDE}"
+            )
+    factors = [supersampling(appearance) for appearance in by_opengl]
+    if factors:
+        longest = open_window().longest_side
+        for camera in cameras:
+            check_size(camera, max(factors), longest)
 
 
 def check_size(camera: Camera, supersampling: int, longest: int) -> None:
@@ -97,16 +110,22 @@ def render_views(
     *,
     sample_distance: float | None = None,
     float_output: bool = False,
+    backend: str = "auto",
 ) -> Iterator[NDArray[Any]]:
     """Premultiplied RGBA pictures [height, width, 4], top row first, one per camera, in order.
 
     An appearance of another package draws its own, which are checked for shape and dtype (ValueError).
     uint8, or float32 in [0, 1] with `float_output`.  `sample_distance` (world units) is for volumes: by default
-    half the smallest spacing (`choose_sample_distance` finds the largest that is good enough).  The field is
-    uploaded once and freed when the iterator ends or is closed.
+    half the smallest spacing (`choose_sample_distance` finds the largest that is good enough).  `backend` draws: "vtk"; "cpu",
+    which casts rays without OpenGL; or "auto" (`render.backends`).  The field is uploaded once and freed when the iterator ends or
+    is closed.
     """
     if isinstance(appearance, PluginAppearance):
         yield from _plugin_pictures(grid, appearance, list(cameras), float_output)
+        return
+    if backend_of(grid, appearance, backend) == "cpu":
+        assert isinstance(appearance, VolumeRendering | Isosurface)
+        yield from cast_views(grid, appearance, cameras, sample_distance, float_output=float_output)
         return
     with Renderer(grid, appearance, sample_distance=sample_distance) as renderer:
         for camera in cameras:

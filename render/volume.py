@@ -7,14 +7,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from catalogs.vocabulary.appearance import TransferFunction, VolumeRendering
+from catalogs.vocabulary.appearance import VolumeRendering
+from native.ray_casting.functions import drawn_range
 from render.grids import Grid
 from render.placement import Placement
 from render.shaders import equal_steps, replacements, steps_of_whole
 from render.window import open_window
 
 FARTHEST = 1e6  # widths of the drawn range
-NARROW = 1 / 256  # a field that spans less of its transfer function than this is drawn over its own range
 
 
 def volume_scene(
@@ -84,16 +84,6 @@ def _plain_property(shaded: bool) -> Any:
     form.SetInterpolationTypeToLinear()
     form.SetShade(shaded)
     return form
-
-
-def drawn_range(values: tuple[float, float], transfer: TransferFunction) -> tuple[float, float]:
-    """The values (low, high) that become 0 and 1 in the texture: the bounds of the transfer function.
-
-    Where the field's `values`, smallest and largest, span a small part of them only, these, so that single precision resolves
-    its gradient.
-    """
-    (low, high), (first, last) = values, transfer.bounds
-    return (low, high) if 0.0 < high - low < NARROW * (last - first) else (first, last)
 
 
 def texture_values(grid: Grid, value_range: tuple[float, float]) -> NDArray[np.float32]:

@@ -257,7 +257,7 @@ def _usable_window() -> tuple[Any, str]:
         vtkObject.SetGlobalWarningDisplay(display)
     raise RuntimeError(
         f"no usable OpenGL on this machine: install the system packages {SYSTEM_PACKAGES}"
-        " with, on Debian or Ubuntu, `sudo apt-get install`"
+        ' with, on Debian or Ubuntu, `sudo apt-get install`; or draw without OpenGL, with backend="cpu"'
     )
 
 

@@ -14,10 +14,10 @@ from torch import Tensor
 from catalogs.vocabulary.appearance import Appearance, Isosurface
 from catalogs.vocabulary.numbers import finite, fraction, row
 from catalogs.vocabulary.words import joined_names
-from surrogate import kernels
+from native import kernels
+from native.threads import cores
 from surrogate.splatting.directional import directions
 from surrogate.splatting.kernel_function import KernelFunction, kernel_takes
-from surrogate.splatting.threads import cores
 
 STRENGTHS = ("ambient", "diffuse", "specular", "specular_power")
 LEAST_FACING = 1e-6  # a power of a smaller number may have no finite derivative

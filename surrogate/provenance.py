@@ -18,7 +18,7 @@ from catalogs.version import commit
 
 __all__ = ["code", "commit", "machine"]
 
-PACKAGES = ("surrogate", "catalogs")
+PACKAGES = ("surrogate", "native", "catalogs")
 # What they import decides how a model comes out.
 MEASURING = ("surrogate.training.run", "surrogate.evaluation.evaluate")
 SHOWING = (
@@ -47,9 +47,9 @@ def code(*also: str) -> str:
     mark = hashlib.sha256()
     for text in sorted(_statements(*also).values()):
         mark.update(f"{text}\n".encode())
-    for path in sorted((_folder("surrogate") / "kernels").glob("src/*")):
+    for path in sorted((_folder("native") / "kernels").glob("src/*")):
         mark.update(path.name.encode() + path.read_bytes())
-    if not (_folder("surrogate") / "kernels" / "src").is_dir():
+    if not (_folder("native") / "kernels" / "src").is_dir():
         mark.update(importlib.metadata.version("gs-surrogate").encode())
     return mark.hexdigest()[:16]
 
@@ -70,7 +70,7 @@ def in_words(machine: Mapping[str, Any]) -> str:
 
 def _instructions() -> str:
     try:
-        from surrogate import kernels
+        from native import kernels
 
         return os.environ.get("GS_SURROGATE_INSTRUCTION_SET") or kernels.instruction_sets()[0]
     except ImportError:  # the kernels were not built

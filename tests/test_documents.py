@@ -22,7 +22,7 @@ DOCUMENTS = [
     PROJECT / "research" / "records" / "README.md",
 ]
 LINK = re.compile(r"\]\(([^)\s]+)\)")
-FILE = re.compile(r"`((?:catalogs|render|insitu|surrogate|research|tests|scenes|docs)/[\w/.-]+)`")
+FILE = re.compile(r"`((?:catalogs|native|render|insitu|surrogate|research|tests|scenes|docs)/[\w/.-]+)`")
 MODULE = re.compile(r"python\s+-m\s+((?:research|insitu|surrogate|catalogs)[\w.]*\w)")
 COMMAND = re.compile(r"(?<![\w./-])(insitu|surrogate|catalogs) ([a-z][a-z-]+)\b")
 BY_THE_BUILD = re.compile(r"(?:\.\./)*gallery/\w+")  # pages of the site that `make docs` writes and checks

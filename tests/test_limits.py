@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 PROJECT = Path(__file__).resolve().parent.parent
-PACKAGES = ("catalogs", "render", "insitu", "surrogate", "research")
+PACKAGES = ("catalogs", "native", "render", "insitu", "surrogate", "research")
 MOST_LINES_OF_A_FILE, MOST_LINES_OF_A_FUNCTION = 400, 60  # of a function without its docstring
 
 

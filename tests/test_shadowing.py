@@ -21,7 +21,11 @@ with insitu.Session("blob.cdb", space={"a": (0, 1)}, appearances=blob, views=ins
 print(len(insitu.Catalog.open("blob.cdb").members))
 """
 THEIRS = "raise SystemExit('a file of the user ran')\n"
-IMPORTS = {"insitu": ("render", "catalogs"), "render": ("catalogs",), "surrogate": ("catalogs",)}
+IMPORTS = {
+    "insitu": ("render", "native", "catalogs"),
+    "render": ("native", "catalogs"),
+    "surrogate": ("native", "catalogs"),
+}
 
 
 def write(place: Path, name: str, text: str) -> Path:
@@ -55,7 +59,7 @@ def test_a_script_that_has_the_name_itself(installed: Path, tmp_path: Path, firs
 
 def test_folders_without_code_hide_nothing(installed: Path, tmp_path: Path) -> None:
     """A regular package further down the path goes before a folder that has no `__init__.py`."""
-    for name in ("catalogs", "render", "insitu", "surrogate"):
+    for name in ("catalogs", "native", "render", "insitu", "surrogate"):
         write(tmp_path, f"{name}/notes.txt", "pictures of last year")
     write(tmp_path, "script.py", LOOP.replace("BACKGROUND", "False") + "import surrogate\n")
     done = run_installed(["python", "script.py"], installed, tmp_path)

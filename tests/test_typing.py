@@ -18,7 +18,8 @@ import insitu
 from catalogs import Camera, Catalog, orbit
 from insitu import Session, TransferFunction, ViewPlan, VolumeRendering
 from render import to_grid
-from surrogate import Surrogate, kernels
+from native import kernels
+from surrogate import Surrogate
 
 FUNCTION = TransferFunction(((0.0, 0.1, 0.2, 0.9), (1.0, 0.9, 0.2, 0.1)), ((0.0, 0.0), (1.0, 0.4)), 0.1)
 
@@ -51,7 +52,7 @@ explore(simulate(400.0), orbit((0.0, 0.0, 0.0), 1.0, width=64, height=64)[0])
 OURS_AND_NUMPY = """
 [mypy]
 follow_imports = skip
-[mypy-catalogs.*,insitu.*,numpy.*,render.*,surrogate.*]
+[mypy-catalogs.*,insitu.*,native.*,numpy.*,render.*,surrogate.*]
 follow_imports = normal
 """
 

@@ -19,16 +19,16 @@ COMMANDS = ("catalogs", "insitu", "surrogate")
 
 
 @pytest.mark.slow
-def test_the_wheel_holds_the_four_packages_alone(wheel: Path) -> None:
+def test_the_wheel_holds_the_five_packages_alone(wheel: Path) -> None:
     with zipfile.ZipFile(wheel) as archive:
         names = archive.namelist()
-        (about,) = {name.split("/")[0] for name in names} - set(PACKAGES)
+        (about,) = {name.split("/")[0] for name in names} - {*PACKAGES, "native"}
         commands = archive.read(f"{about}/entry_points.txt").decode()
     assert about.endswith(".dist-info")
     for package in PACKAGES:
         assert {f"{package}/__init__.py", f"{package}/__init__.pyi", f"{package}/py.typed"} <= set(names)
     assert {name.rpartition(".")[2] for name in names} >= {"py", "pyi", "js", "css", "html"}
-    assert "surrogate/kernels/_kernels.pyi" in names
+    assert "native/kernels/_kernels.pyi" in names
     assert not [name for name in names if name.endswith((".cpp", ".hpp", ".inc")) or "test" in name.lower()]
     entries = configparser.ConfigParser()
     entries.read_string(commands)
@@ -48,7 +48,7 @@ def test_without_a_compiler_all_but_the_kernels_is_installed(tmp_path: Path) -> 
     with zipfile.ZipFile(made) as archive:
         assert not [name for name in archive.namelist() if name.endswith(".so")]
         archive.extractall(tmp_path / "packages")
-    program = "import insitu, render, catalogs; insitu.Session; print(insitu.__file__)\nimport surrogate.kernels"
+    program = "import insitu, render, catalogs; insitu.Session; print(insitu.__file__)\nimport native.kernels"
     path = os.pathsep.join([str(tmp_path / "packages"), str(Path(np.__file__).parent.parent)])
     outside = {**os.environ, "PYTHONPATH": path}
     ran = subprocess.run(
@@ -56,5 +56,5 @@ def test_without_a_compiler_all_but_the_kernels_is_installed(tmp_path: Path) -> 
     )
     assert ran.stdout.startswith(str(tmp_path / "packages")), ran.stderr
     last = ran.stderr.strip().splitlines()[-1]
-    assert last.startswith("ModuleNotFoundError: the C++ kernels of surrogate were not built")
+    assert last.startswith("ModuleNotFoundError: the C++ kernels of gs-surrogate were not built")
     assert "install g++ and python3-dev" in last

@@ -31,6 +31,7 @@ PLANNED = ("simulation", "hooked")  # kinds of sources whose members the scene l
 CATALOG_TABLES = {"name", "title", "source", "members", "training"}  # of a scene whose source is a catalog
 DATA_FOLDER = "GS_SURROGATE_DATA"
 NAN = ("refuse", "transparent")
+BACKENDS = ("auto", "vtk", "cpu")
 TABLES = {"name", "title", "source", "parameters", "members", "appearance", "variation", "fields"}
 TABLES |= {"views", "render", "training"}
 
@@ -117,15 +118,19 @@ class RenderPlan:
     """Accuracy of images: PSNR in dB against a converged reference, or a fixed step in world units.
 
     `nan` is "refuse", or "transparent" for fields with NaN or infinite values, such as land in an ocean.  `coarse_field` is False
-    where no field with few samples is to be stored beside the images of each member.
+    where no field with few samples is to be stored beside the images of each member.  `backend` draws: "vtk", "cpu", which casts
+    rays without OpenGL, or "auto".
     """
 
     target_decibels: float = 50.0
     sample_distance: float | None = None
     nan: str = "refuse"
     coarse_field: bool = True
+    backend: str = "auto"
 
     def __post_init__(self) -> None:
+        if self.backend not in BACKENDS:
+            raise ValueError(f"render: backend must be one of {joined_names(BACKENDS)}, got {self.backend!r}")
         if not isinstance(self.coarse_field, bool):
             raise ValueError(f"render: coarse_field must be true or false, got {self.coarse_field!r}")
         if self.nan not in NAN:

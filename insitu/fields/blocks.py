@@ -34,6 +34,7 @@ from insitu.mpi.layout import BlockExtent, BlockLayout, UnevenBlocks, layout
 from insitu.mpi.neighbours import block_of
 from insitu.mpi.ranks import CollectiveError, RankGroup, call_all
 from insitu.mpi.resampling import common_lattice, even_layout, resampled
+from native.ray_casting.functions import drawn_range
 from render.blocks import Block, Lattice, footprint
 from render.compositing import nearest, over, packed, unpacked
 from render.grids import Triple
@@ -41,7 +42,6 @@ from render.isosurface import SUPERSAMPLING, box_average
 from render.layers import BlockRenderer
 from render.partition import Piece, Plane, front_to_back, pieces_of, space_partition
 from render.steepness import drawn_cells, root_mean_square, squared_changes
-from render.volume import drawn_range
 
 AT_ONCE = 1 << 28  # bytes of layers that a rank draws before it sends them
 
@@ -251,7 +251,11 @@ class BlockFields:
     ranges: Mapping[str, tuple[float, float]]
     quantities: Mapping[str, Quantity]
 
-    def drawable(self, appearance: Appearance) -> BlockField:
+    def backend(self, appearance: Appearance, wanted: str, usual: str) -> str:
+        """See `MemberFields`: blocks are VTK's."""
+        return "vtk"
+
+    def drawable(self, appearance: Appearance, backend: str) -> BlockField:
         """See `MemberFields`."""
         return BlockField(self.blocks, field_of(appearance))
 

@@ -24,12 +24,13 @@ def measured_distances(
     variations: Sequence[Variation],
     cameras: Sequence[Camera],
     target_decibels: float,
+    backends: Mapping[str, str],
 ) -> dict[str, SampleDistance]:
     """The sample distances that reach the target for a first member, by volume rendering that was measured."""
     from render.quality import choose_for_ensemble
 
     return {
-        a.name: choose_for_ensemble(fields.drawable(a), a, cameras, target_decibels)
+        a.name: choose_for_ensemble(fields.drawable(a, backends[a.name]), a, cameras, target_decibels)
         for a in _measured(appearances, variations)
     }
 
@@ -48,7 +49,7 @@ def finest_of_families(
 
 
 def member_distances(
-    fields: MemberFields, appearances: Sequence[Appearance], plan: CatalogPlan
+    fields: MemberFields, appearances: Sequence[Appearance], plan: CatalogPlan, backends: Mapping[str, str]
 ) -> tuple[dict[str, float], tuple[str, ...]]:
     """The sample distances of a member, by volume rendering, and warnings about them.
 
@@ -65,7 +66,7 @@ def member_distances(
         return planned, ()
     earlier, notes, distances = recorded.get("measured_changes", {}), [], {}
     for appearance in _measured(appearances, plan.variations):
-        field = fields.drawable(appearance)
+        field = fields.drawable(appearance, backends[appearance.name])
         if field.mean_change(appearance.transfer_function) <= HARDER * earlier.get(appearance.name, 0.0):
             continue
         checked = checked_sample_distance(field, appearance, plan.cameras, planned[appearance.name], target)

@@ -47,8 +47,11 @@ class MemberFields(Protocol):
     def quantities(self) -> Mapping[str, Quantity]:
         """The names and units that the data state."""
 
-    def drawable(self, appearance: Appearance) -> Drawable:
-        """The field that an appearance shows."""
+    def backend(self, appearance: Appearance, wanted: str, usual: str) -> str:
+        """The way in which an appearance is drawn, see `render.backends.backend_of`."""
+
+    def drawable(self, appearance: Appearance, backend: str) -> Drawable:
+        """The field that an appearance shows, to be drawn in that way."""
 
     def summaries(self, names: Sequence[str], plan: CatalogPlan) -> dict[str, FieldSummary]:
         """The summaries of the fields of these names, which the catalog stores."""
@@ -96,11 +99,17 @@ class Fields:
         """Smallest and largest finite value by name."""
         return {name: grid.range for name, grid in self.grids.items()}
 
-    def drawable(self, appearance: Appearance) -> Drawable:
+    def backend(self, appearance: Appearance, wanted: str, usual: str) -> str:
+        """See `MemberFields`."""
+        from render.backends import backend_of
+
+        return backend_of(self.shown_by(appearance), appearance, wanted, usual)
+
+    def drawable(self, appearance: Appearance, backend: str) -> Drawable:
         """See `MemberFields`."""
         from render.quality import WholeField
 
-        return WholeField(self.shown_by(appearance))
+        return WholeField(self.shown_by(appearance), backend or "auto")
 
     def summaries(self, names: Sequence[str], plan: CatalogPlan) -> dict[str, FieldSummary]:
         """See `MemberFields`."""

@@ -48,6 +48,7 @@ class HookArguments(OneMember, total=False):
     variations: Iterable[Variation] | None
     fields: Mapping[str, Any] | None
     coarse_field: bool
+    backend: str
     nan: str
     existing: Existing
     on_error: OnError
@@ -87,6 +88,8 @@ def render_member(
     nan : "refuse" NaN and infinity, or show them "transparent".
     coarse_field : False keeps no coarse fields: those that appearances show with at most 64³ samples, in at most 0.3 MB each, from
         which surrogates are made in seconds.
+    backend : "vtk", or "cpu", which needs no OpenGL.  By default volumes are drawn by the second, isosurfaces and blocks of fields
+        by the first, and members of a catalog as those before them.
     target_decibels, sample_distance : PSNR that volume rendering must reach against a converged reference, by default 50 dB.
         Or in its place the step of rays in world units, one for all or by appearance.
     time : the simulation's time, recorded.  Where `space` has a parameter "time" (or "t"), it is that: every dump is a member.
@@ -99,8 +102,9 @@ def render_member(
     image_format, provenance : "png" (8 bits, the default) or "exr" (float32); further JSON values to record in a new catalog.
     progress, warn, comm, ghosts : as in `Session` and its `render_member`.
 
-    Memory: VTK and OpenGL take some 200 MB once.  Each call takes three times the field in float32, four where that does not hold
-    it exactly (of its own size).  Each further field is taken once.  Transparent values take three quarters of it more.
+    Memory: VTK and OpenGL, where they draw, take some 200 MB once.  Each call takes three times the field in float32, four where
+    that does not hold it exactly (of its own size).  Each further field is taken once.  Transparent values take three quarters of
+    it more.
 
     Raises ValueError where the field, the parameters or the plan are not acceptable: nothing was written.  Raises OSError where
     the disk is full or not writable: nothing of the member was kept.

@@ -85,6 +85,7 @@ class Session:
         variations: Iterable[Variation] | None = None,
         fields: Mapping[str, Any] | None = None,
         coarse_field: bool = True,
+        backend: str = "auto",
         nan: str = "refuse",
         existing: Existing = "error",
         on_error: OnError = "raise",
@@ -101,6 +102,8 @@ class Session:
             length = queue_length(background)
             if length and self._ranks is not SINGLE:
                 raise ValueError("background= and comm= can't be combined: every rank renders its own block")
+            if backend == "cpu" and self._ranks is not SINGLE:
+                raise ValueError("backend='cpu' draws whole fields; blocks of several ranks are drawn by VTK")
             plan = PlanOptions(
                 space=space_from(space),
                 appearances=appearances_from(appearances),
@@ -113,6 +116,7 @@ class Session:
                 variations=variations_from(variations),
                 fields=fields or {},
                 coarse_field=coarse_field,
+                backend=backend,
             )
             return checked_path(catalog), length, plan
 

@@ -13,6 +13,7 @@ from catalogs.vocabulary.parameters import ParameterSpace
 from insitu.fields.distances import member_distances
 from insitu.fields.member_fields import LocalField, MemberFields, MemberInput
 from insitu.members.agreement import agreeing_catalog, create_catalog, notes_on_member
+from insitu.members.backends import member_backends
 from insitu.members.blank import PictureNote, note_on_pictures
 from insitu.members.conflicts import stored_name, under_stored_name
 from insitu.members.failures import named_disk_errors
@@ -82,11 +83,16 @@ class CatalogWriter:
                 self.once.say("", [NO_SPACING])
             catalog = self.catalog or self._create(fields)
             request = under_stored_name(catalog, request) if replace else request
-            distances, coarse = member_distances(fields, request.appearances, catalog.plan)
-            notes = [*notes_on_member(fields.box, request.parameters, catalog.plan), *coarse]
+            backends, mixed = member_backends(fields, request.appearances, self.options.backend, catalog.plan)
+            distances, coarse = member_distances(fields, request.appearances, catalog.plan, backends)
+            notes = [*notes_on_member(fields.box, request.parameters, catalog.plan), *mixed, *coarse]
             self.once.say("", [*map(ResamplingWarning, fields.notes), *notes])
             warnings: tuple[str, ...] = (*fields.notes, *notes)
-            record = {"bounds": fields.box, **({"sample_distances": distances} if coarse else {})}
+            record = {
+                "bounds": fields.box,
+                **({"sample_distances": distances} if coarse else {}),
+                **({"backends": backends} if mixed else {}),
+            }
             with catalog.begin_member(
                 request.name,
                 request.parameters,
@@ -97,7 +103,7 @@ class CatalogWriter:
                 replace=replace,
             ) as writer:
                 figures, of_images = write_member(
-                    fields, request, distances, catalog.plan, writer, memory, self._progress
+                    fields, request, (distances, backends), catalog.plan, writer, memory, self._progress
                 )
                 if self.options.coarse_field and (coarse_fields := fields.coarse(shown_fields(request.appearances))):
                     writer.write_coarse_fields(coarse_fields)
@@ -127,21 +133,24 @@ class CatalogWriter:
 def write_member(
     fields: MemberFields,
     request: MemberRequest,
-    distances: Mapping[str, float],
+    drawing: tuple[Mapping[str, float], Mapping[str, str]],
     plan: CatalogPlan,
     writer: MemberWriter,
     memory: PeakMemory,
     progress: Callable[[int], None],
 ) -> tuple[dict[str, Any], list[PictureNote]]:
-    """Write a member's images, one in memory at a time, and its fields' summaries; `distances` are those of rays' samples.
+    """Write a member's images, one in memory at a time, and its fields' summaries.
+
+    `drawing` has, by appearance, the sample distances along rays and the backends.
 
     Returns figures for `RenderedMember`, and what deserves a warning about the pictures.
     """
+    distances, backends = drawing
     started, written, images = clock.perf_counter(), 0.0, 0
     covered: set[str] = set()  # appearances
     for appearance in request.appearances:
         distance = distances.get(appearance.name) if isinstance(appearance, VolumeRendering) else None
-        pictures = fields.drawable(appearance).pictures(
+        pictures = fields.drawable(appearance, backends.get(appearance.name, "")).pictures(
             appearance, plan.cameras, distance, float_output=plan.image_format == "exr"
         )
         for view, rgba in enumerate(pictures):

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 from catalogs.files.durable import require_writable
 from catalogs.store.description import check_place
 from catalogs.store.plan import CatalogPlan
-from catalogs.vocabulary.appearance import shown_fields
+from catalogs.vocabulary.appearance import Appearance, Isosurface, shown_fields
 from catalogs.vocabulary.scene import ViewPlan
 from insitu.members.planning import Pilot, PlanOptions, check_complete, check_steps, plan_catalog
 
@@ -32,7 +33,12 @@ def check_new(path: Path, options: PlanOptions) -> None:
     if 2 * max(views.width, views.height) > ANY_SIDE:
         from render.views import check_sizes
 
-        check_sizes(appearances, plan.cameras[:1])
+        by_vtk = {"vtk": appearances, "cpu": ()}.get(options.backend, _surfaces(appearances))
+        check_sizes(by_vtk, plan.cameras[:1])
+
+
+def _surfaces(appearances: Sequence[Appearance]) -> list[Appearance]:
+    return [a for a in appearances if isinstance(a, Isosurface)]
 
 
 def check_free(path: Path, plan: CatalogPlan | None = None) -> None:

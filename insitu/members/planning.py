@@ -30,12 +30,13 @@ from catalogs.vocabulary.appearance import (
 from catalogs.vocabulary.parameters import Parameter, ParameterSpace
 from catalogs.vocabulary.plugin_appearance import MissingAppearance, PluginAppearance, check_present
 from catalogs.vocabulary.quantity import Quantity, quantities_from, quantities_of
-from catalogs.vocabulary.scene import Scene, ViewPlan
+from catalogs.vocabulary.scene import BACKENDS, Scene, ViewPlan
 from catalogs.vocabulary.variations import Family, Variation
 from catalogs.vocabulary.words import joined_names
 from insitu.fields.boxes import Box, box_around, cameras_around, check_inside, checked_box
 from insitu.fields.distances import finest_of_families, measured_distances
 from insitu.fields.summarize import value_range
+from insitu.members.backends import backends_of
 
 if TYPE_CHECKING:
     from insitu.fields.member_fields import MemberFields
@@ -70,6 +71,7 @@ class PlanOptions:
     variations: tuple[Variation, ...] | None = field(default=None, repr=False)
     fields: Mapping[str, Quantity] = field(default_factory=dict)
     coarse_field: bool = True
+    backend: str = "auto"
 
     @classmethod
     def of_scene(cls, scene: Scene, space: ParameterSpace, provenance: Mapping[str, Any] | None = None) -> PlanOptions:
@@ -87,6 +89,7 @@ class PlanOptions:
             variations=scene.variations,
             fields=scene.quantities,
             coarse_field=scene.render.coarse_field,
+            backend=scene.render.backend,
         )
 
     def __post_init__(self) -> None:
@@ -97,6 +100,8 @@ class PlanOptions:
             raise ValueError(f"views must be a ViewPlan(frequency, width, height), got {shortened(self.views)}")
         if not isinstance(self.coarse_field, bool):
             raise ValueError(f"coarse_field must be True or False, got {shortened(self.coarse_field)}")
+        if self.backend not in BACKENDS:
+            raise ValueError(f"backend must be one of {joined_names(BACKENDS)}, got {shortened(self.backend)}")
         if self.image_format is not None and self.image_format not in FORMATS:
             raise ValueError(f"image_format must be one of {joined_names(sorted(FORMATS))}, got {self.image_format!r}")
         if not isinstance(self.provenance, Mapping):
@@ -211,6 +216,7 @@ class Pilot:
     quantities : what the fields say of their names and units.
     changes : by volume rendering that was measured, how much the field it was measured on changes from sample to sample, as the
         transfer function shows it (`render.steepness.mean_change`).
+    backends : by appearance, what draws it.
     """
 
     bounds: Box
@@ -219,6 +225,7 @@ class Pilot:
     notes: tuple[str, ...] = ()
     quantities: Mapping[str, Quantity] = field(default_factory=dict)
     changes: Mapping[str, float] = field(default_factory=dict)
+    backends: Mapping[str, str] = field(default_factory=dict)
 
 
 def measure_pilot(fields: MemberFields, options: PlanOptions) -> Pilot:
@@ -230,12 +237,13 @@ def measure_pilot(fields: MemberFields, options: PlanOptions) -> Pilot:
     check_inside(fields.box, bounds)
     volumes = [a for a in appearances if isinstance(a, VolumeRendering)]
     cameras = cameras_around(bounds, options.views or ViewPlan())
-    check_sizes(appearances, cameras)
+    backends = backends_of(fields, appearances, options.backend)
+    check_sizes([a for a in appearances if backends.get(a.name) == "vtk"], cameras)
     check_steps(options.sample_distance, bounds)
     if options.sample_distance is not None or not volumes:
-        return Pilot(bounds, fields.ranges, quantities=fields.quantities)
+        return Pilot(bounds, fields.ranges, quantities=fields.quantities, backends=backends)
     variations, target = options.variations or (), options.target_decibels or TARGET_DECIBELS
-    distances = measured_distances(fields, appearances, variations, cameras, target)
+    distances = measured_distances(fields, appearances, variations, cameras, target, backends)
     return Pilot(
         bounds,
         fields.ranges,
@@ -243,6 +251,7 @@ def measure_pilot(fields: MemberFields, options: PlanOptions) -> Pilot:
         tuple(distance.note for distance in distances.values() if distance.note),
         fields.quantities,
         {name: distance.change for name, distance in distances.items()},
+        backends,
     )
 
 
@@ -268,6 +277,7 @@ def combine_pilots(pilots: Sequence[Pilot]) -> Pilot:
         {name: min((p.distances[name] for p in pilots), key=lambda d: d.distance) for name in pilots[0].distances},
         quantities=pilots[0].quantities,
         changes={name: max(p.changes[name] for p in pilots) for name in pilots[0].changes},
+        backends=pilots[0].backends,
     )
 
 
@@ -301,6 +311,7 @@ def plan_catalog(pilot: Pilot, options: PlanOptions) -> CatalogPlan:
         "bounds_from": "given" if options.bounds else "pilot members",
         "software": _software(),
         **_value_ranges(pilot, appearances),
+        **({"backends": dict(pilot.backends)} if pilot.backends else {}),
     }
     if options.sample_distance is not None:
         provenance["sample_distances"] = given_distances(options.sample_distance, appearances)

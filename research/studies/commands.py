@@ -267,11 +267,11 @@ def ceiling(scene: Path, runs: Path, records: Path | None) -> None:
 )
 def stress(backend: str, drift: bool, output: Path) -> None:
     """Check the splatting engine on a table of hard cases; writes stress.md and stress.png, and fails if a case fails."""
+    from native import kernels
     from research.studies.stress.check import CaseOutcome, tables
     from research.studies.stress.drift import measure_drift
     from research.studies.stress.functions import FunctionOutcome, check_function, function_cases
     from research.studies.stress.report import PAGE, write
-    from surrogate import kernels
     from surrogate.splatting import BACKENDS
     from surrogate.splatting.threads import one_torch_thread
 

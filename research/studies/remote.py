@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from typing import Any, Generic, TypeVar
 
 from catalogs.engines.engine import Engine
+from native.threads import kernel_threads
 from research.studies.progress import StudyProgress
-from surrogate.splatting.threads import kernel_threads
 
 T = TypeVar("T")
 NAME = "on the cluster"

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from catalogs.vocabulary.appearance import Isosurface, VolumeRendering
 from catalogs.vocabulary.words import one_line
+from native.ray_casting import SampledField, SurfaceCaster, VolumeCaster
 from surrogate.answers.opinions import Opinions, ProcessOpinions
 from surrogate.emulation import FieldEmulator
 from surrogate.emulation.components import Components, products_of, without
@@ -21,7 +22,6 @@ from surrogate.emulation.fitting import Members
 from surrogate.emulation.processes import Processes
 from surrogate.emulation.validation import folds_of
 from surrogate.model.field_model import FieldPoint
-from surrogate.ray_casting import SampledField, SurfaceCaster, VolumeCaster
 
 SIDE = 32  # samples of a field along its longest side
 COARSER = 4.0  # times: the distance of samples along rays

@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 from catalogs.vocabulary.appearance import Isosurface, VolumeRendering, field_of
 from catalogs.vocabulary.cameras import Camera
 from catalogs.vocabulary.words import one_line
+from native.ray_casting import SurfaceCaster, VolumeCaster
 from surrogate.answers.committee import caster_of, thinned
 from surrogate.emulation import FieldEmulator
 from surrogate.model import FieldModel, Surrogate
-from surrogate.ray_casting import SurfaceCaster, VolumeCaster
 
 AT_ONCE = 32  # fields in memory together
 

@@ -18,10 +18,10 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from catalogs.vocabulary.words import one_line
-from surrogate import kernels
+from native import kernels
+from native.threads import cores
 from surrogate.appearance.averages import HIGHEST, LEAST_SPREAD, LOWEST, MOST_SPREAD, Nodes, averages_reference
 from surrogate.derivatives import require_no_second_derivative
-from surrogate.splatting.threads import cores
 
 Array = NDArray[np.float32]
 Row = Sequence[float]

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from catalogs.vocabulary.appearance import TransferFunction
-from surrogate import kernels
+from native import kernels
 from surrogate.appearance.averages import MOST_OPAQUE
 
 SAMPLES = 32  # of the transfer function between two neighbouring values

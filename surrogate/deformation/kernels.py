@@ -8,10 +8,10 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from surrogate import kernels
+from native import kernels
+from native.threads import cores
 from surrogate.appearance.field_gaussians import AnyGaussians
 from surrogate.derivatives import require_no_second_derivative
-from surrogate.splatting.threads import cores
 
 Factors = tuple[Tensor, Tensor]  # latents [N, L] and modes [L, C]
 

@@ -18,12 +18,12 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from catalogs.vocabulary.words import one_line
-from surrogate import kernels
+from native import kernels
+from native.threads import cores
 from surrogate.appearance.transferred import LEAST_DEPTH, logit_of_depth
 from surrogate.deformation.offsets import Offsets
 from surrogate.derivatives import require_no_second_derivative
 from surrogate.gaussians import Gaussians
-from surrogate.splatting.threads import cores
 
 Array = NDArray[np.float32]
 

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from surrogate import kernels
+from native import kernels
 
 WHITE = (1.0, 1.0, 1.0)
 MOST_DECIBELS = 60.0  # identical pictures would make a mean infinite

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from catalogs.vocabulary.numbers import finite, row
-from surrogate.ray_casting.cuts import AXES, Cut
+from native.ray_casting.cuts import AXES, Cut
 
 
 def cut_of(record: Mapping[str, Any]) -> Cut | None:

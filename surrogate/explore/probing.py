@@ -13,13 +13,13 @@ from numpy.typing import ArrayLike, NDArray
 from catalogs.vocabulary.appearance import Isosurface
 from catalogs.vocabulary.cameras import Camera
 from catalogs.vocabulary.numbers import text
+from native.ray_casting import Cut
 from surrogate.emulation import EmulatedField
 from surrogate.emulation.corners import Corners
 from surrogate.emulation.validation import NORMAL
 from surrogate.explore.setting import Setting
 from surrogate.model import Surrogate
 from surrogate.model.emulated_member import EmulatedMember
-from surrogate.ray_casting import Cut
 
 Array = NDArray[np.float64]
 MINUS = "\N{MINUS SIGN}"

@@ -13,13 +13,13 @@ from catalogs.vocabulary.cameras import Camera
 from catalogs.vocabulary.parameters import Parameter
 from catalogs.vocabulary.variations import APPEARANCE, POINT_PARAMETERS
 from catalogs.vocabulary.words import joined_names
+from native.ray_casting import Cut
 from surrogate.explore.color_maps import NAMES as COLOR_MAPS
 from surrogate.explore.cuts import cut_of
 from surrogate.explore.functions import function_of
 from surrogate.explore.setting import Setting, base_function
 from surrogate.model import Surrogate
 from surrogate.model.places import beyond_limits
-from surrogate.ray_casting import Cut
 
 Made = TypeVar("Made")
 Color = tuple[float, float, float]

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 from catalogs.vocabulary.appearance import TransferFunction, VolumeRendering
 from catalogs.vocabulary.numbers import text
 from catalogs.vocabulary.variations import POINT_PARAMETERS, displaced
+from native.ray_casting import Cut
 from surrogate.answers.doubt import NEVER, Doubt, MemberDoubt
 from surrogate.appearance.field_gaussians import FieldGaussians
 from surrogate.deformation.values import ValuesDeformation
@@ -15,7 +16,6 @@ from surrogate.explore.color_maps import color_points
 from surrogate.model import MemberModel, Surrogate
 from surrogate.model.emulated_member import EmulatedMember
 from surrogate.model.representation import DRAWN, FIELD
-from surrogate.ray_casting import Cut
 
 
 @dataclass(frozen=True)

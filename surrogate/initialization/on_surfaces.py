@@ -17,6 +17,8 @@ from torch import Tensor
 
 from catalogs.vocabulary.variations import Variation
 from catalogs.vocabulary.words import one_line
+from native.ray_casting import SampledField
+from native.ray_casting.triangles import Triangles
 from surrogate.deformation import BilinearDeformation
 from surrogate.deformation.bilinear import LATENT_SPREAD
 from surrogate.deformation.offsets import UNITS
@@ -24,8 +26,6 @@ from surrogate.emulation import FieldEmulator
 from surrogate.emulation.corners import Corners
 from surrogate.gaussians import Gaussians, Normalization
 from surrogate.randomness import generator
-from surrogate.ray_casting import SampledField
-from surrogate.ray_casting.triangles import Triangles
 from surrogate.settings import TrainingSettings
 
 SIZE, THIN = 0.58, 0.3  # of a Gaussian along the surface, in distances of neighbours, and across it, as a share of that

@@ -14,9 +14,10 @@ from numpy.typing import ArrayLike, NDArray
 from catalogs.vocabulary.cameras import Camera
 from catalogs.vocabulary.parameters import ParameterSpace
 from catalogs.vocabulary.words import joined_names
+from native.threads import cores
 from surrogate.model.mean_member import MemberModel
 from surrogate.model.points import AnyPoint
-from surrogate.splatting.threads import cores, one_torch_thread
+from surrogate.splatting.threads import one_torch_thread
 
 PARTS = 4  # of the work for each core, so that all end at about the same time
 

@@ -13,13 +13,13 @@ from catalogs.vocabulary.appearance import Isosurface, VolumeRendering
 from catalogs.vocabulary.cameras import Camera
 from catalogs.vocabulary.numbers import finite
 from catalogs.vocabulary.quantity import Quantity
+from native.ray_casting import SampledField, SurfaceCaster, VolumeCaster, fitting_distance
+from native.ray_casting.cuts import AXES, Cut, sliced
+from native.ray_casting.fields import triple
 from surrogate.emulation import EmulatedField, FieldEmulator
 from surrogate.gaussians import Normalization
 from surrogate.model.deformed import checked_background, named, over
 from surrogate.notebook import first_camera, member_html
-from surrogate.ray_casting import SampledField, SurfaceCaster, VolumeCaster, fitting_distance
-from surrogate.ray_casting.cuts import AXES, Cut, sliced
-from surrogate.ray_casting.fields import triple
 
 NO_COLORS = "a slice has the colours of a transfer function, and an isosurface has none: show the volume"
 

@@ -12,12 +12,12 @@ from torch import Tensor
 
 from catalogs.vocabulary.appearance import VolumeRendering
 from catalogs.vocabulary.cameras import Camera
-from surrogate import kernels
+from native import kernels
+from native.ray_casting.fields import SampledField, Triple
+from native.ray_casting.functions import Knots, drawn_range
+from native.ray_casting.volume import checked_distance, drawn_values
+from native.threads import cores
 from surrogate.derivatives import require_no_second_derivative
-from surrogate.ray_casting.fields import SampledField, Triple
-from surrogate.ray_casting.functions import Knots, drawn_range
-from surrogate.ray_casting.volume import checked_distance, drawn_values
-from surrogate.splatting.threads import cores
 
 
 def volume_image(

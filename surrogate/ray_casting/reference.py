@@ -16,11 +16,11 @@ from torch import Tensor
 
 from catalogs.vocabulary.appearance import Isosurface, VolumeRendering
 from catalogs.vocabulary.cameras import Camera
-from surrogate.ray_casting.fields import SampledField
-from surrogate.ray_casting.functions import Knots, drawn_range
-from surrogate.ray_casting.isosurface import SAMPLES
-from surrogate.ray_casting.triangles import Triangles
-from surrogate.ray_casting.volume import HEADLIGHT, checked_distance
+from native.ray_casting.fields import SampledField
+from native.ray_casting.functions import Knots, drawn_range
+from native.ray_casting.isosurface import SAMPLES
+from native.ray_casting.triangles import Triangles
+from native.ray_casting.volume import HEADLIGHT, checked_distance
 
 OPAQUE = 1.0 / 8192.0  # light that is left where a ray ends early
 SLACK = 1e-3  # of a step, that a ray may be longer than its steps

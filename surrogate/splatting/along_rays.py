@@ -11,11 +11,11 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
-from surrogate import kernels
+from native import kernels
+from native.threads import cores
 from surrogate.splatting.kernel_function import KernelFunction, kernel_takes
 from surrogate.splatting.reference import rotations
 from surrogate.splatting.rendering import Constants
-from surrogate.splatting.threads import cores
 
 MOST_DEPTH = 80.0  # exp(-80) is zero to every digit
 

@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from catalogs.vocabulary.cameras import Camera
-from surrogate import kernels
+from native import kernels
+from native.threads import cores
 from surrogate.splatting.rendering import Constants, Primitives, Rendering
-from surrogate.splatting.threads import cores
 
 
 def render(primitives: Primitives, camera: Camera, constants: Constants, **options: Any) -> Rendering:

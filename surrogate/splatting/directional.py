@@ -9,9 +9,9 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
-from surrogate import kernels
+from native import kernels
+from native.threads import cores
 from surrogate.splatting.kernel_function import KernelFunction, kernel_takes
-from surrogate.splatting.threads import cores
 
 SH_C1 = 0.4886025119029199  # sqrt(3 / (4 pi)), the factor of the real spherical harmonics of degree 1
 

@@ -18,9 +18,9 @@ from typing import Any
 
 from catalogs.store.catalog import Catalog
 from catalogs.vocabulary.appearance import Appearance, VolumeRendering
+from native.threads import cores as available_cores
 from surrogate.settings import TrainingSettings
 from surrogate.splatting.cuda import chosen_device
-from surrogate.splatting.threads import cores as available_cores
 from surrogate.training.content import changing_share, roughness, sampled, visible_pixels
 from surrogate.training.data import ImageRow, training_rows, validation_rows
 from surrogate.training.pace import Clock, Pace, measure_pace

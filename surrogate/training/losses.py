@@ -7,8 +7,8 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from surrogate import kernels
-from surrogate.splatting.threads import cores
+from native import kernels
+from native.threads import cores
 
 WINDOW = 11
 SIGMA = 1.5

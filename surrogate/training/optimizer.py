@@ -18,7 +18,7 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
-from surrogate import kernels
+from native import kernels
 
 DECAY_FIRST, DECAY_SECOND = 0.9, 0.999
 EPSILON = 1e-15  # as in 3D Gaussian Splatting: gradients of single Gaussians are far below the usual 1e-8

@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 from catalogs.store.catalog import Catalog, Member
 from catalogs.vocabulary.appearance import TransferFunction, VolumeRendering, field_of
 from catalogs.vocabulary.cameras import Camera
+from native.ray_casting import SampledField, VolumeCaster
 from surrogate.evaluation.cases import VALIDATION
 from surrogate.evaluation.metrics import WHITE, composite, psnr
 from surrogate.evaluation.scoring import spread
 from surrogate.model import Surrogate
-from surrogate.ray_casting import SampledField, VolumeCaster
 
 MOST_MEMBERS, MOST_VIEWS = 4, 4
 OPAQUE, NARROW = 0.6, 0.05  # the highest opacity, and the half width of a peak as a share of the values

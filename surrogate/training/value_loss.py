@@ -15,7 +15,7 @@ from torch import Tensor
 from torch.nn.functional import softplus
 
 from catalogs.vocabulary.words import one_line
-from surrogate import kernels
+from native import kernels
 from surrogate.appearance.field_gaussians import FieldGaussians
 from surrogate.appearance.scale import ValueScale
 from surrogate.derivatives import require_no_second_derivative

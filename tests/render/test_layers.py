@@ -42,7 +42,7 @@ def test_a_single_block_is_drawn_as_without_blocks(gyroid, smooth, shaded) -> No
     appearance, cameras = VolumeRendering("dvr", smooth, shaded=shaded), views(gyroid)
     for float_output, least in ((True, FLOAT), (False, EIGHT_BITS)):
         asked = {"sample_distance": 0.05, "float_output": float_output}
-        alone = render_views(gyroid, appearance, cameras, **asked)
+        alone = render_views(gyroid, appearance, cameras, **asked, backend="vtk")
         scale = 1.0 if float_output else 255.0
         for image, other in zip(composited(gyroid, one(gyroid), appearance, cameras, **asked), alone, strict=True):
             assert psnr(image / scale, other / scale) >= least

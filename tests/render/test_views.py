@@ -20,7 +20,7 @@ def test_one_picture_per_camera_in_order_and_lazily(gyroid, smooth) -> None:
             taken.append(number)
             yield camera
 
-    pictures = render_views(gyroid, VolumeRendering("dvr", smooth), one_by_one())
+    pictures = render_views(gyroid, VolumeRendering("dvr", smooth), one_by_one(), backend="vtk")
     with Renderer(gyroid, VolumeRendering("dvr", smooth), sample_distance=0.04) as volume:
         for number, camera in enumerate(cameras):
             np.testing.assert_array_equal(next(pictures), volume.render(camera))
@@ -32,7 +32,7 @@ def test_leaving_early_frees_the_renderer(gyroid, smooth, monkeypatch) -> None:
     closed = []
     monkeypatch.setattr(Renderer, "close", lambda self: closed.append(self))
     cameras = orbit(gyroid.center, gyroid.bounding_radius, width=8, height=8, frequency=1)
-    pictures = render_views(gyroid, VolumeRendering("dvr", smooth), cameras)
+    pictures = render_views(gyroid, VolumeRendering("dvr", smooth), cameras, backend="vtk")
     next(pictures)
     pictures.close()
     assert len(closed) == 1
@@ -41,8 +41,11 @@ def test_leaving_early_frees_the_renderer(gyroid, smooth, monkeypatch) -> None:
 def test_volumes_and_isosurfaces_may_be_drawn_in_turn(gyroid, smooth) -> None:
     cameras = orbit(gyroid.center, gyroid.bounding_radius, width=24, height=24, frequency=1)[:3]
     volume, surface = VolumeRendering("dvr", smooth), Isosurface("iso", 0.2)
-    apart = [list(render_views(gyroid, appearance, cameras)) for appearance in (volume, surface)]
-    turns = zip(*(render_views(gyroid, appearance, cameras) for appearance in (volume, surface)), strict=True)
+    apart, turns = (
+        [render_views(gyroid, appearance, cameras, backend="vtk") for appearance in (volume, surface)] for _ in "ab"
+    )
+    apart = [list(pictures) for pictures in apart]
+    turns = zip(*turns, strict=True)
     for number, (one, other) in enumerate(turns):
         np.testing.assert_array_equal(one, apart[0][number])
         np.testing.assert_array_equal(other, apart[1][number])

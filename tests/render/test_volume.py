@@ -1,9 +1,9 @@
-"""VTK's volume pictures against the float64 ray-marcher and the pinhole camera."""
+"""Volume pictures, VTK's and the ray caster's, against the float64 ray-marcher and the pinhole camera."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 import pytest
@@ -18,6 +18,7 @@ from render.views import Renderer
 from render.window import open_window
 from tests.support.raymarch import march
 
+Draw = Callable[[Grid, VolumeRendering, Camera, float], np.ndarray]
 GRAY = ((0.0, 1.0, 1.0, 1.0), (1.0, 1.0, 1.0, 1.0))
 
 
@@ -25,13 +26,20 @@ def around(grid: Grid, count: int = 3, size: int = 64) -> list[Camera]:
     return orbit(grid.center, grid.bounding_radius, width=size, height=size, frequency=2)[5 :: 42 // count][:count]
 
 
-def drawn(grid: Grid, appearance: VolumeRendering, camera: Camera, distance: float) -> np.ndarray:
-    return next(render_views(grid, appearance, [camera], sample_distance=distance, float_output=True))
+@pytest.fixture(params=["vtk", "cpu"])
+def drawn(request) -> Draw:
+    def draw(grid: Grid, appearance: VolumeRendering, camera: Camera, distance: float) -> np.ndarray:
+        views = render_views(
+            grid, appearance, [camera], sample_distance=distance, float_output=True, backend=request.param
+        )
+        return next(views)
+
+    return draw
 
 
 @pytest.mark.parametrize("shaded", [False, True])
 @pytest.mark.parametrize("profile", ["smooth", "peaks"])
-def test_pictures_equal_the_ray_marchers_at_the_same_steps(gyroid, profile, shaded, request) -> None:
+def test_pictures_equal_the_ray_marchers_at_the_same_steps(drawn: Draw, gyroid, profile, shaded, request) -> None:
     appearance = VolumeRendering("dvr", request.getfixturevalue(profile), shaded)
     distance = min(gyroid.spacing) / 2
     for camera in around(gyroid):
@@ -42,7 +50,7 @@ def test_pictures_equal_the_ray_marchers_at_the_same_steps(gyroid, profile, shad
         assert error.mean() < 1e-4
 
 
-def test_pictures_converge_to_the_ray_marchers(gyroid, smooth) -> None:
+def test_pictures_converge_to_the_ray_marchers(drawn: Draw, gyroid, smooth) -> None:
     appearance = VolumeRendering("dvr", smooth)
     camera = around(gyroid)[1]
     truth = march(gyroid, appearance, camera, min(gyroid.spacing) / 32)
@@ -53,7 +61,7 @@ def test_pictures_converge_to_the_ray_marchers(gyroid, smooth) -> None:
 
 
 @pytest.mark.parametrize("value", [-5.0, 0.0, 0.25, 0.5, 1.0, 1e30])
-def test_a_constant_field_is_a_homogeneous_medium(value: float) -> None:
+def test_a_constant_field_is_a_homogeneous_medium(drawn: Draw, value: float) -> None:
     grid = to_grid(np.full((4, 4, 4), value), spacing=1 / 3)
     transfer = TransferFunction(((0, 1, 0, 0), (1, 0, 0, 1)), ((0, 0.0), (1, 0.6)), 0.5)
     camera = Camera.look_at((-4, 0.5, 0.5), (0.5, 0.5, 0.5), vertical_fov_degrees=1e-2, width=8, height=8)
@@ -64,7 +72,7 @@ def test_a_constant_field_is_a_homogeneous_medium(value: float) -> None:
 
 
 @pytest.mark.parametrize("value", [0.1, 0.3, 0.7, 0.9])
-def test_a_constant_region_has_ambient_light_only(value: float) -> None:
+def test_a_constant_region_has_ambient_light_only(drawn: Draw, value: float) -> None:
     values = np.full((9, 10, 11), value)
     values[:, :, 0] = 0.0  # the range drawn is not empty; seen from far beyond the other end
     values[:, :, 1] = 1.0
@@ -75,7 +83,7 @@ def test_a_constant_region_has_ambient_light_only(value: float) -> None:
     np.testing.assert_allclose(rgba, np.broadcast_to([0.1, 0.05, 0, 1], rgba.shape), atol=1e-5)
 
 
-def test_opacity_does_not_depend_on_the_step(gyroid) -> None:
+def test_opacity_does_not_depend_on_the_step(drawn: Draw, gyroid) -> None:
     transfer = TransferFunction(GRAY, ((0.0, 0.5), (1.0, 0.5)), 0.7)
     flat = to_grid(np.full(gyroid.shape, 0.5), spacing=(0.02, 0.4, 0.4))  # thin: 20 : 1
     for camera in around(flat):
@@ -84,7 +92,7 @@ def test_opacity_does_not_depend_on_the_step(gyroid) -> None:
         np.testing.assert_allclose(pictures[1], pictures[2], atol=1e-3)
 
 
-def test_values_far_beyond_the_transfer_function_do_not_blur_it(smooth) -> None:
+def test_values_far_beyond_the_transfer_function_do_not_blur_it(drawn: Draw, smooth) -> None:
     field = np.random.default_rng(0).uniform(-1, 1, size=(8, 8, 8))
     field[0, 0, 0], field[7, 7, 7] = 3e38, -3e38
     grid = to_grid(field)
@@ -119,7 +127,7 @@ def moved(transfer: TransferFunction, scale: float, offset: float) -> TransferFu
     ],
 )
 def test_pictures_do_not_depend_on_the_unit_of_the_field_nor_on_its_zero(
-    gyroid, smooth, scale, offset, dtype, shaded
+    drawn: Draw, gyroid, smooth, scale, offset, dtype, shaded
 ) -> None:
     kind = np.dtype(dtype)
     values = (scale * gyroid.values.astype(np.float64)).astype(kind if kind.kind == "f" else np.int64)
@@ -131,7 +139,9 @@ def test_pictures_do_not_depend_on_the_unit_of_the_field_nor_on_its_zero(
 
 
 @pytest.mark.parametrize("outlier", [1e9, 1e40, 1e300])
-def test_a_value_far_out_of_range_neither_overflows_nor_moves_its_neighbours(gyroid, smooth, outlier: float) -> None:
+def test_a_value_far_out_of_range_neither_overflows_nor_moves_its_neighbours(
+    drawn: Draw, gyroid, smooth, outlier: float
+) -> None:
     field = gyroid.values.astype(np.float64)
     field[10, 10, 10], field[20, 14, 12] = outlier, -outlier
     grid = to_grid(field, spacing=gyroid.spacing, origin=gyroid.origin)
@@ -140,7 +150,7 @@ def test_a_value_far_out_of_range_neither_overflows_nor_moves_its_neighbours(gyr
         assert psnr(drawn(grid, VolumeRendering("dvr", smooth), camera, 0.02), expected) > 60
 
 
-def test_light_follows_a_field_that_spans_little_of_its_transfer_function(gyroid, smooth) -> None:
+def test_light_follows_a_field_that_spans_little_of_its_transfer_function(drawn: Draw, gyroid, smooth) -> None:
     grid = to_grid(1e-6 * gyroid.values.astype(np.float64) + 0.5, spacing=gyroid.spacing, origin=gyroid.origin)
     appearance = VolumeRendering("dvr", smooth, shaded=True)
     for camera in around(grid):
@@ -148,7 +158,7 @@ def test_light_follows_a_field_that_spans_little_of_its_transfer_function(gyroid
 
 
 @pytest.mark.parametrize("profile", ["smooth", "peaks"])
-def test_holes_are_transparent_and_colour_nothing_around_them(gyroid, profile, request) -> None:
+def test_holes_are_transparent_and_colour_nothing_around_them(drawn: Draw, gyroid, profile, request) -> None:
     field = gyroid.values.astype(np.float64)
     field[5:26, 8:20, 6:14] = np.nan
     field[20, 20, 20] = np.inf
@@ -162,11 +172,12 @@ def test_holes_are_transparent_and_colour_nothing_around_them(gyroid, profile, r
         assert psnr(picture, march(gyroid, appearance, camera, distance)) < 45  # the holes do show
 
 
-def test_eight_bits_are_the_rounded_floats_and_premultiplied(gyroid, smooth) -> None:
+@pytest.mark.parametrize("backend", ["vtk", "cpu"])
+def test_eight_bits_are_the_rounded_floats_and_premultiplied(gyroid, smooth, backend) -> None:
     appearance = VolumeRendering("dvr", smooth)
     cameras = around(gyroid)
-    floats = list(render_views(gyroid, appearance, cameras, float_output=True))
-    for exact, image in zip(floats, render_views(gyroid, appearance, cameras), strict=True):
+    floats = list(render_views(gyroid, appearance, cameras, float_output=True, backend=backend))
+    for exact, image in zip(floats, render_views(gyroid, appearance, cameras, backend=backend), strict=True):
         assert image.dtype == np.uint8
         assert exact.dtype == np.float32
         assert np.abs(exact * 255 - image).max() < 0.51
@@ -175,7 +186,7 @@ def test_eight_bits_are_the_rounded_floats_and_premultiplied(gyroid, smooth) -> 
 
 
 @pytest.mark.parametrize("scale", [1e-9, 1.0, 1e22])
-def test_pictures_do_not_depend_on_where_and_how_large_the_world_is(gyroid, smooth, scale: float) -> None:
+def test_pictures_do_not_depend_on_where_and_how_large_the_world_is(drawn: Draw, gyroid, smooth, scale: float) -> None:
     here = drawn(gyroid, VolumeRendering("dvr", smooth), around(gyroid)[0], 0.05)
     transfer = TransferFunction(smooth.color_points, smooth.opacity_points, smooth.opacity_unit_distance * scale)
     grid, camera = enlarged(gyroid, around(gyroid)[0], scale, (5e6, -3e6, 1e6))
@@ -199,7 +210,7 @@ def enlarged(
     ("exponent", "share"),
     [(-9, 1), (1, 0), (1.7, 0), (3, 0), (6, 0), (9, 0), (9, 0.3), (9, 1)],
 )
-def test_a_unit_of_length_changes_no_picture(gyroid, smooth, exponent, share, shaded) -> None:
+def test_a_unit_of_length_changes_no_picture(drawn: Draw, gyroid, smooth, exponent, share, shaded) -> None:
     """The world in another unit, with the unit distance of opacity as it is, or in that unit, or between; opacities match."""
     scale = 10.0**exponent
     kept = scale**share  # the factor of the unit distance
@@ -221,7 +232,7 @@ def test_a_unit_of_length_changes_no_picture(gyroid, smooth, exponent, share, sh
 
 
 @pytest.mark.parametrize("opacity", [1e-3, 1e-6, 1e-7, 1e-12])
-def test_a_deep_thin_medium_has_its_opacity(opacity: float) -> None:
+def test_a_deep_thin_medium_has_its_opacity(drawn: Draw, opacity: float) -> None:
     side = 0.7 / opacity  # unit distances
     grid = to_grid(np.full((4, 4, 4), 0.5), spacing=side / 3)
     transfer = TransferFunction(GRAY, ((0.0, opacity), (1.0, opacity)), 1.0)
@@ -232,7 +243,7 @@ def test_a_deep_thin_medium_has_its_opacity(opacity: float) -> None:
         np.testing.assert_allclose(rgba, -math.expm1(side * math.log1p(-opacity)), rtol=1e-4)
 
 
-def test_any_pinhole_camera_off_centre_oblong_from_inside_and_facing_away(gyroid, smooth) -> None:
+def test_any_pinhole_camera_off_centre_oblong_from_inside_and_facing_away(drawn: Draw, gyroid, smooth) -> None:
     appearance = VolumeRendering("dvr", smooth)
     base = around(gyroid)[0]
     off_centre = Camera(base.world_to_camera, 150.0, 110.0, 20.0, 41.5, 80, 48)

@@ -38,7 +38,7 @@ from render import render_views, to_grid
 grid = to_grid(np.random.default_rng(0).random((8, 8, 8)))
 transfer = TransferFunction(((0, 0, 0, 1), (1, 1, 0, 0)), ((0, 0), (1, 0.5)), 1.0)
 cameras = orbit(grid.center, grid.bounding_radius, width=32, height=32, frequency=1)
-print(sum(int(image.sum()) > 0 for image in render_views(grid, VolumeRendering("dvr", transfer), cameras)))
+print(sum(int(image.sum()) > 0 for image in render_views(grid, VolumeRendering("dvr", transfer), cameras, backend="vtk")))
 """
 
 
@@ -80,7 +80,7 @@ def test_a_forked_child_is_told_to_be_spawned() -> None:
         "child = os.fork()\n"
         "if child == 0:\n"
         "    try:\n"
-        "        next(render_views(grid, VolumeRendering('dvr', transfer), cameras))\n"
+        "        next(render_views(grid, VolumeRendering('dvr', transfer), cameras, backend='vtk'))\n"
         "    except RuntimeError as error:\n"
         "        os._exit(7 if 'spawn' in str(error) else 8)\n"
         "    os._exit(9)\n"
@@ -94,7 +94,7 @@ def test_any_thread_draws_what_the_first_one_draws(gyroid, smooth) -> None:
     looks = VolumeRendering("dvr", smooth), Isosurface("iso", 0.2)
 
     def pictures() -> np.ndarray:
-        return np.stack([picture for look in looks for picture in render_views(gyroid, look, cameras)])
+        return np.stack([picture for look in looks for picture in render_views(gyroid, look, cameras, backend="vtk")])
 
     first = pictures()
     with ThreadPoolExecutor(4) as threads:
@@ -117,10 +117,10 @@ def test_a_process_that_drew_in_a_thread_that_ended_ends_in_peace() -> None:
     program = DRAW.rpartition("print(")[0] + (
         "import threading\n"
         "drawing = threading.Thread(target=lambda: print(len(list(render_views(\n"
-        "    grid, VolumeRendering('dvr', transfer), cameras)))))\n"
+        "    grid, VolumeRendering('dvr', transfer), cameras, backend='vtk')))))\n"
         "drawing.start()\n"
         "drawing.join()\n"
-        "print(len(list(render_views(grid, VolumeRendering('dvr', transfer), cameras))))\n"
+        "print(len(list(render_views(grid, VolumeRendering('dvr', transfer), cameras, backend='vtk'))))\n"
     )
     ended = python(program)
     assert (ended.stdout.split(), ended.returncode) == (["12", "12"], 0)
@@ -133,9 +133,9 @@ def test_pictures_larger_than_opengl_draws_are_refused(gyroid, smooth, look: str
     for width, height in ((longest // factor + 1, 1), (1, longest // factor + 1)):
         cameras = orbit(gyroid.center, gyroid.bounding_radius, width=width, height=height, frequency=1)
         with pytest.raises(ValueError, match=f"choose width and height up to {longest // factor}$"):
-            next(render_views(gyroid, appearance, cameras))
+            next(render_views(gyroid, appearance, cameras, backend="vtk"))
     widest = orbit(gyroid.center, gyroid.bounding_radius, width=longest // factor, height=8, frequency=1)
-    assert next(render_views(gyroid, appearance, widest)).any()
+    assert next(render_views(gyroid, appearance, widest, backend="vtk")).any()
 
 
 def test_the_projection_matrix_is_the_pinhole_camera() -> None:

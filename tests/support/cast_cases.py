@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from catalogs.vocabulary.appearance import TransferFunction, VolumeRendering
 from catalogs.vocabulary.cameras import Camera, orbit
-from surrogate.ray_casting.fields import SampledField
+from native.ray_casting.fields import SampledField
 
 RAINBOW = ((-1.0, 0.1, 0.2, 0.9), (-0.2, 0.2, 0.8, 0.8), (0.3, 0.9, 0.9, 0.1), (1.0, 0.9, 0.1, 0.0))
 SMOOTH = TransferFunction(RAINBOW, ((-1.0, 0.0), (0.0, 0.1), (1.0, 0.8)), 0.4)

@@ -11,13 +11,13 @@ from numpy.typing import NDArray
 
 from catalogs.vocabulary.appearance import Appearance, VolumeRendering
 from catalogs.vocabulary.cameras import Camera
+from native.ray_casting.functions import drawn_range
 from render.blocks import ABOVE, BELOW, Block, Lattice, footprint
 from render.compositing import nearest, over
 from render.grids import Grid
 from render.isosurface import SUPERSAMPLING, box_average
 from render.layers import BlockRenderer
 from render.partition import Piece, front_to_back, pieces_of, space_partition
-from render.volume import drawn_range
 
 
 def kd_boxes(shape: tuple[int, ...], count: int, rng: np.random.Generator) -> list[Piece]:

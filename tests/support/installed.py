@@ -60,14 +60,14 @@ def _build(folder: Path) -> None:
 
 
 def _install(wheel: Path, folder: Path) -> None:
-    from surrogate.kernels import _kernels
+    from native.kernels import _kernels
 
     subprocess.run([sys.executable, "-m", "venv", "--without-pip", str(folder)], check=True)
     (packages,) = folder.glob("lib/python*/site-packages")
     (packages / "dependencies.pth").write_text(f"{Path(np.__file__).parent.parent}\n")
     target = [str(folder / "bin" / "python"), "-m", "pip", "install", "--quiet", "--no-deps", "--no-index"]
     subprocess.run([*target, str(wheel)], check=True)
-    shutil.copy(str(_kernels.__file__), packages / "surrogate" / "kernels")
+    shutil.copy(str(_kernels.__file__), packages / "native" / "kernels")
 
 
 def environment(installed: Path) -> dict[str, str]:

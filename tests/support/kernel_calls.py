@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from surrogate import kernels
+from native import kernels
 
 
 def recorded(monkeypatch: pytest.MonkeyPatch, *names: str) -> list[str]:

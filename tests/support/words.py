@@ -15,7 +15,7 @@ from functools import lru_cache
 from pathlib import Path
 
 PROJECT = Path(__file__).resolve().parents[2]
-PACKAGES = ("catalogs", "insitu", "render", "surrogate")  # whose names are checked, too
+PACKAGES = ("catalogs", "insitu", "native", "render", "surrogate")  # whose names are checked, too
 WORDS, WIDTH = 30, 120  # of a sentence, of a line of Markdown
 SCRIPTS = (".js", ".html", ".cpp", ".hpp", ".h", ".c", ".f90")
 # "There is no file", "is no longer", "are no more than" and "is no larger than" are good English.

@@ -8,7 +8,8 @@ import pytest
 import torch
 
 from catalogs.vocabulary.appearance import Isosurface, TransferFunction, VolumeRendering
-from surrogate import Surrogate, kernels
+from native import kernels
+from surrogate import Surrogate
 from surrogate.gaussians import Gaussians
 from surrogate.lighting import Lighting
 from surrogate.model.form import stored_form

@@ -5,7 +5,8 @@ from typing import Any
 import pytest
 
 from catalogs import version
-from surrogate import kernels, provenance
+from native import kernels
+from surrogate import provenance
 from surrogate.provenance import code, commit, in_words, machine
 
 
@@ -15,8 +16,8 @@ def sources(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     for package in provenance.PACKAGES:
         (tmp_path / package).mkdir()
         (tmp_path / package / "__init__.py").write_text("")
-    (tmp_path / "surrogate" / "kernels" / "src").mkdir(parents=True)
-    (tmp_path / "surrogate" / "kernels" / "src" / "kernels.cpp").write_text("int one() { return 1; }")
+    (tmp_path / "native" / "kernels" / "src").mkdir(parents=True)
+    (tmp_path / "native" / "kernels" / "src" / "kernels.cpp").write_text("int one() { return 1; }")
     (tmp_path / "surrogate" / "run.py").write_text("import numpy\ndef train():\n    from catalogs import store\n")
     (tmp_path / "catalogs" / "store.py").write_text('"""Keeps."""\nSIZE = 1\n')
     (tmp_path / "catalogs" / "page.py").write_text("TITLE = 'a'\n")
@@ -32,7 +33,7 @@ def sources(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         ("catalogs/store.py", "SIZE = 2\n", False),
         ("catalogs/page.py", "TITLE = 'b'\n", True),
         ("surrogate/run.py", "import numpy\n", False),
-        ("surrogate/kernels/src/kernels.cpp", "int one() { return 2; }", False),
+        ("native/kernels/src/kernels.cpp", "int one() { return 2; }", False),
         ("surrogate/explore.py", "import anything", True),
     ],
 )

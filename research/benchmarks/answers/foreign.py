@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from catalogs.store.members import Member
 from catalogs.vocabulary.appearance import VolumeRendering
+from native.ray_casting import draw_volume
 from research.benchmarks.answers.inverse import SPLITS, Read, read_members
 from research.benchmarks.page import RESULTS, command_line, made_by, publish, table
 from surrogate.answers.inverse import best_fits
@@ -29,7 +30,6 @@ from surrogate.evaluation.scoring import spread
 from surrogate.explore.run import Run
 from surrogate.model import Surrogate
 from surrogate.model.judged import judged
-from surrogate.ray_casting import draw_volume
 from surrogate.splatting.threads import one_torch_thread
 
 Field = NDArray[np.float32]

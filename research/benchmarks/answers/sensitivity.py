@@ -33,6 +33,7 @@ from catalogs.vocabulary.cameras import Camera
 from catalogs.vocabulary.parameters import ParameterSpace
 from insitu.simulations import Field
 from insitu.simulations.taylor_green_fields import dumps
+from native.ray_casting import draw_volume
 from research.benchmarks.page import RESULTS, command_line, made_by, publish, stopwatch, table
 from surrogate.answers.sensitivity import STEP, Sensitivity, Steps, correlations, sensitivity
 from surrogate.answers.sobol import SIDE, Distribution, SobolIndices, picture_response, sobol_indices
@@ -41,7 +42,6 @@ from surrogate.evaluation.metrics import WHITE
 from surrogate.explore.run import Run
 from surrogate.model import DifferentiableSurrogate, Surrogate
 from surrogate.model.representation import FIELD, GAUSSIANS
-from surrogate.ray_casting import draw_volume
 from surrogate.splatting.threads import one_torch_thread
 
 Array = NDArray[Any]

@@ -93,7 +93,7 @@ def in_blocks(ranks: CountedRanks, size: int, appearance: Appearance, views: Seq
         def work() -> dict[str, Any]:
             started = time.perf_counter()
             fields = blocks.take((appearance,), (appearance,))
-            pictures = list(fields.drawable(appearance).pictures(appearance, views, None, float_output=True))
+            pictures = list(fields.drawable(appearance, "vtk").pictures(appearance, views, None, float_output=True))
             seconds = time.perf_counter() - started
             return {"seconds": seconds, "pictures": pictures}
 

@@ -167,7 +167,7 @@ def _member_of_252(ready: Any, go: Any, done: Any) -> None:
     chosen = choose_sample_distance(grid, appearance, cameras(grid), Scene.load(SCENE).render.target_decibels)
     ready.wait()
     go.wait()
-    for _ in render_views(grid, appearance, cameras(grid), sample_distance=chosen.distance):
+    for _ in render_views(grid, appearance, cameras(grid), sample_distance=chosen.distance, backend="vtk"):
         pass
     done.put(chosen.decibels)
 
@@ -214,7 +214,9 @@ def volume_projection_error(transform: Callable[[Camera], Camera] = lambda camer
         lit = grid.values > 1e-6
         points = np.stack([i[lit], j[lit], k[lit]], axis=1) / 60 + grid.origin  # [N, 3]
         views = [transform(camera) for camera in cameras(grid)[::21]]
-        pictures = render_views(grid, VolumeRendering("dot", thin), views, sample_distance=1 / 200, float_output=True)
+        pictures = render_views(
+            grid, VolumeRendering("dot", thin), views, sample_distance=1 / 200, float_output=True, backend="vtk"
+        )
         for camera, picture in zip(views, pictures, strict=True):
             pixels, depth = camera.project(points)
             weights = grid.values[lit] * np.linalg.norm(points - camera.position, axis=1) / depth**3

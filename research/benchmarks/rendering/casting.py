@@ -22,12 +22,12 @@ from numpy.typing import NDArray
 from catalogs.vocabulary.appearance import Isosurface, VolumeRendering
 from catalogs.vocabulary.cameras import Camera, orbit
 from catalogs.vocabulary.scene import Scene
+from native.kernels import instruction_sets
+from native.ray_casting import SampledField, SurfaceCaster, VolumeCaster
 from render import Grid, render_views, to_grid
 from render.quality import psnr
 from research.benchmarks.page import PROJECT, table
 from research.benchmarks.timing import digits, processor_seconds
-from surrogate.kernels import instruction_sets
-from surrogate.ray_casting import SampledField, SurfaceCaster, VolumeCaster
 
 SPACINGS = (2.0, 1.5, 1.25, 1.0, 0.7, 0.5, 0.25)  # sample distances
 VIEWS, FINEST, CALLS = (20, 75, 140), 1 / 24, 15
@@ -69,7 +69,8 @@ def volumes(grids: Sequence[Grid], appearance: VolumeRendering, size: int) -> st
             made = VolumeCaster.of(field, appearance, sample_distance=distance, threads=1)
             finest = VolumeCaster.of(field, appearance, sample_distance=FINEST * min(grid.spacing), threads=1)
             images = drawn(made, cameras)
-            vtk = np.stack(list(render_views(grid, appearance, cameras, sample_distance=distance, float_output=True)))
+            asked = {"sample_distance": distance, "float_output": True, "backend": "vtk"}
+            vtk = np.stack(list(render_views(grid, appearance, cameras, **asked)))
             time = milliseconds(lambda made=made, cameras=cameras: drawn(made, cameras)) / len(cameras)
             found.append((psnr(images, drawn(finest, cameras)), psnr(images, vtk), time))
         errors, differences, times = np.array(found).T
@@ -85,7 +86,7 @@ def surfaces(grid: Grid, isovalues: Sequence[float], size: int) -> str:
         cells = []
         for surface in (lit, replace(lit, **UNLIT)):
             ours = drawn(SurfaceCaster.of(field_of(grid), surface), cameras)
-            vtk = np.stack(list(render_views(grid, surface, cameras, float_output=True)))
+            vtk = np.stack(list(render_views(grid, surface, cameras, float_output=True, backend="vtk")))
             cells.append(digits(psnr(ours, vtk)))
         prepared = milliseconds(lambda lit=lit: SurfaceCaster.of(field_of(grid), lit))
         caster = SurfaceCaster.of(field_of(grid), lit)

@@ -18,11 +18,11 @@ import torch
 from numpy.typing import NDArray
 
 from catalogs.vocabulary.appearance import TransferFunction
+from native import kernels
 from research.benchmarks.page import PROJECT, command_line, made_by, table
 from research.benchmarks.splatting.setup import limited_to
 from research.benchmarks.timing import measured
 from research.studies.stress.functions import gray, needle, quadrature
-from surrogate import kernels
 from surrogate.appearance.averages import LEAST_SPREAD, MOST_SPREAD, NEGLIGIBLE, averages_reference, resampled
 from surrogate.appearance.transferred import LEAST_DEPTH, RANGES, AverageTable, apply, logit_of_depth
 

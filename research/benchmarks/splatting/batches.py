@@ -19,6 +19,7 @@ import torch
 
 from catalogs.vocabulary.cameras import Camera, orbit
 from catalogs.vocabulary.parameters import Parameter, ParameterSpace
+from native.threads import cores
 from research.benchmarks.page import RESULTS, command_line, made_by, page_in, stopwatch, table, write_parts
 from research.benchmarks.timing import measured_in_turn
 from surrogate import Surrogate
@@ -26,7 +27,6 @@ from surrogate.deformation import BilinearDeformation
 from surrogate.gaussians import Gaussians, Normalization
 from surrogate.rasterizer import Rasterizer
 from surrogate.settings import TrainingSettings
-from surrogate.splatting.threads import cores
 
 SIZES = (128,)  # pixels square
 COUNTS = (1, 16, 256)  # pictures at once

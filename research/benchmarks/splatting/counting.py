@@ -1,6 +1,6 @@
 """Minimal work of splatting, and the time that this machine needs for it at least.
 
-Counted term by term from the loops over blocks of pixels in surrogate/kernels/src/tiles.inc, per (pixel, Gaussian) pair
+Counted term by term from the loops over blocks of pixels in native/kernels/src/tiles.inc, per (pixel, Gaussian) pair
 that is drawn. A fused multiply-add is two floating-point operations (flops) but occupies a vector unit once, as does
 every other arithmetic instruction. The floor therefore counts instructions at the measured rate of fused multiply-adds.
 Loads, stores and bit masks are not counted, nor are pixels of a block outside the Gaussian: the floor is below what any
@@ -47,7 +47,7 @@ BACKWARD_TERMS: Mapping[str, tuple[int, int]] = {
     "sums of h u u, h u v, h v v": (3, 0),
     "sums of weight gradient, three colors": (3, 0),
 }
-# Per Gaussian, in double precision (surrogate/kernels/src/projection.inc): one double takes the room of two floats.
+# Per Gaussian, in double precision (native/kernels/src/projection.inc): one double takes the room of two floats.
 PROJECTION = 215  # project_batch 173, make_splats about 42
 PROJECTION_BACKWARD = 465  # project_batch again, batch_backward about 290
 PARAMETER_BYTES = 56  # 14 floats of a Gaussian

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import torch
 
+from native import kernels
 from research.benchmarks.page import table
 from research.benchmarks.splatting.counting import Peak, Work, backward_work, forward_work
 from research.benchmarks.splatting.drawing import ERROR_HEADER, TIMES, DrawingMeasurement, measure
@@ -12,7 +13,6 @@ from research.benchmarks.splatting.reference_patches import InteractionCounts, d
 from research.benchmarks.splatting.setup import Setup, said
 from research.benchmarks.splatting.workloads import FIXED, OTHERS, Workload
 from research.benchmarks.timing import digits, measured
-from surrogate import kernels
 from surrogate.splatting import Primitives
 from surrogate.training.losses import image_loss, image_loss_reference
 

@@ -19,10 +19,10 @@ from typing import Any
 
 from catalogs.store.catalog import Catalog
 from catalogs.vocabulary.scene import Scene
+from native import kernels
 from research.benchmarks.page import PROJECT, command_line, stopwatch
 from research.studies.repeats.run import repeat
 from research.studies.repeats.seeds import Scores, load_scores
-from surrogate import kernels
 from surrogate.settings import TrainingSettings
 
 FOLDER = "instruction_sets"  # of a scene's records, and of the models

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from surrogate import kernels
-from surrogate.splatting.threads import cores
+from native import kernels
+from native.threads import cores
 
 
 @dataclass(frozen=True)

@@ -21,12 +21,12 @@ from PIL import Image
 from catalogs.store.members import Member
 from catalogs.vocabulary.appearance import VolumeRendering
 from catalogs.vocabulary.cameras import Camera
+from native.ray_casting import SampledField, SurfaceCaster, VolumeCaster
 from research.benchmarks.page import RESULTS, command_line, made_by, publish, stopwatch, table
 from surrogate.evaluation.metrics import WHITE, composite, decibels, mean_squared_error
 from surrogate.evaluation.scoring import spread
 from surrogate.explore.run import Run
 from surrogate.model import Surrogate
-from surrogate.ray_casting import SampledField, SurfaceCaster, VolumeCaster
 from surrogate.splatting.threads import one_torch_thread
 
 SIZES = (0.25, 0.5, 1.0, 2.0, 4.0)

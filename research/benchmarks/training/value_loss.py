@@ -17,8 +17,8 @@ import click
 import torch
 from torch import Tensor
 
+from native import kernels
 from research.benchmarks.timing import digits
-from surrogate import kernels
 from surrogate.training.value_loss import REACH, blended_values, value_loss
 
 SCALES = (0.03, 0.05, 0.07, 0.1)

@@ -11,13 +11,13 @@ from numpy.typing import NDArray
 from catalogs.files.images import to_float
 from catalogs.vocabulary.cameras import Camera
 from catalogs.vocabulary.variations import POINT_PARAMETERS
+from native.ray_casting.cuts import opaque
 from surrogate.explore.exporting.annotations import FRONT, Annotations, Legend, Mark, Point, scale_of
 from surrogate.explore.exporting.lettering import LIGHT
 from surrogate.explore.facts import box_of, label_of, value_scale
 from surrogate.explore.probing import field_member, value_words, values_at
 from surrogate.explore.run import Run
 from surrogate.explore.setting import Setting, base_function
-from surrogate.ray_casting.cuts import opaque
 
 DPI = 72.0  # a point is a pixel
 DARK, PALE = "#101216", "#f1f3f6"  # of ink

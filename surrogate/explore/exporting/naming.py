@@ -10,11 +10,11 @@ from typing import Any
 
 from catalogs.vocabulary.cameras import Camera
 from catalogs.vocabulary.numbers import text
+from native.ray_casting.cuts import AXES
 from surrogate.explore.cuts import record_of_cut
 from surrogate.explore.functions import record_of_function
 from surrogate.explore.run import Run
 from surrogate.explore.setting import Setting, with_origins
-from surrogate.ray_casting.cuts import AXES
 
 MOST_LETTERS = 72  # before the mark
 MARK = 6  # hexadecimal digits of a SHA-256 over all that is asked for

@@ -9,12 +9,12 @@ from typing import Any
 from torch import Tensor
 
 from catalogs.vocabulary.appearance import Appearance, Isosurface, VolumeRendering, appearance_to_json, field_of
+from native.ray_casting.triangles import CASES
+from native.ray_casting.volume import HEADLIGHT
 from surrogate.emulation.storage import COARSE, FINE, OUTLINE
 from surrogate.model import FieldModel, Surrogate
 from surrogate.model.representation import FIELD, VIEW
 from surrogate.notebook import first_camera
-from surrogate.ray_casting.triangles import CASES
-from surrogate.ray_casting.volume import HEADLIGHT
 from surrogate.storage.encoding import Encoding
 from surrogate.storage.models import StoredModel
 

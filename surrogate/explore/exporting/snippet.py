@@ -10,10 +10,10 @@ from pprint import pformat
 from textwrap import indent
 
 from catalogs.vocabulary.cameras import Camera
+from native.ray_casting.cuts import AXES, Cut
 from surrogate.explore.color_maps import color_points
 from surrogate.explore.setting import Setting
 from surrogate.model import Surrogate
-from surrogate.ray_casting.cuts import AXES, Cut
 
 
 def snippet(

@@ -24,6 +24,7 @@ from aiohttp.http_exceptions import HttpProcessingError
 from catalogs.store.catalog import CatalogError
 from catalogs.web import ASSETS
 from catalogs.web.access import LOCAL, Access
+from native.threads import cores, kernel_threads
 from surrogate.answers.doubt import Doubt
 from surrogate.explore.exporting.expectations import NO_CATALOG, Expectations
 from surrogate.explore.exporting.exports import Export, exported
@@ -39,7 +40,6 @@ from surrogate.explore.server.predictions import Predictions
 from surrogate.explore.server.questions import Questions, about_of
 from surrogate.explore.server.values import Values
 from surrogate.explore.truth import Truth
-from surrogate.splatting.threads import cores, kernel_threads
 
 DRAWING_THREADS = 2
 MOST_EXPORTS = 8  # one is made, the others wait

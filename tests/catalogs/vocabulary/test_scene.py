@@ -59,6 +59,7 @@ def test_members_are_counts_or_lists_and_keep_their_split(tmp_path: Path) -> Non
         ('kind = "isosurface"', 'kind = "solid"', "solid"),
         ("seed = 3", "seed = 3\n[views]\nwidth = 0", "width"),
         ("seed = 3", "seed = 3\n[render]\nnan = 'zero'", "nan"),
+        ("seed = 3", "seed = 3\n[render]\nbackend = 'gpu'", "backend"),
         ('name = "demo"', 'name = "demo', "scene.toml"),
     ],
 )

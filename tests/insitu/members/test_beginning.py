@@ -31,7 +31,7 @@ WRONG: dict[str, tuple[dict[str, Any], str]] = {
     "nan": ({"nan": "yes"}, "nan must be one of"),
     "existing": ({"existing": "keep"}, "existing must be one of"),
     "on_error": ({"on_error": "print"}, "on_error must be one of"),
-    "pictures that nothing draws": ({"views": ViewPlan(1, 100_000, 100_000)}, "more than this machine's OpenGL draws"),
+    "pictures that nothing draws": ({"views": ViewPlan(1, 100_000, 100_000)}, "choose width and height up to"),
     "fields that are not shown": ({"fields": {"Q": "m", "R": "m"}}, "fields"),
     "blanks": ({"space": {" Re": (0, 1)}}, "call it 'Re'"),
 }

@@ -15,6 +15,7 @@ from click.testing import CliRunner
 
 from catalogs.engines.address import opened
 from catalogs.engines.engine import Task
+from native.threads import cores
 from research.studies.__main__ import main
 from research.studies.ablation.experiments import BaseExperiment
 from research.studies.ablation.study import AblationStudy
@@ -28,7 +29,6 @@ from research.studies.remote import OnOneCore, train_on
 from research.studies.repeats.run import repeat
 from research.studies.repeats.seeds import Scores
 from surrogate.settings import TrainingSettings
-from surrogate.splatting.threads import cores
 from surrogate.storage.checkpoints import CHECKPOINT
 from surrogate.training.begin import TrainingOptions, begin
 from surrogate.training.budget import Budget

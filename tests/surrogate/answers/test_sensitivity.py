@@ -16,11 +16,11 @@ from catalogs.store.catalog import Catalog
 from catalogs.vocabulary.appearance import VolumeRendering
 from catalogs.vocabulary.cameras import Camera
 from catalogs.vocabulary.parameters import Parameter, ParameterSpace
+from native.ray_casting import draw_volume
 from surrogate.answers.sensitivity import Sensitivity, Steps, correlations, sensitivity
 from surrogate.cli import main
 from surrogate.evaluation.metrics import WHITE, composite
 from surrogate.model import Surrogate
-from surrogate.ray_casting import draw_volume
 from tests.support.hooked import FUNCTION
 from tests.support.three_parameters import SPACE, SPACING, shown
 

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from catalogs.vocabulary.appearance import TransferFunction
-from surrogate import kernels
+from native import kernels
 from surrogate.deformation.extinction import (
     MOST_OPAQUE,
     SAMPLES,

@@ -48,7 +48,7 @@ def test_the_kernel_is_the_definition(count: int, color_columns: int, values: in
     shown, of, asked = gaussians(count, color_columns), weights(count, values), transfer(values)
     found = asked.applied_to(shown, of)
     expected = float32_changes(asked).offsets(doubled(shown), of.double()).applied_to(doubled(shown))
-    # the bounds of tests/surrogate/kernels/test_transfer.py, at their largest for what can be seen
+    # the bounds of tests/native/kernels/test_transfer.py, at their largest for what can be seen
     seen = expected.opacity_logits > -4.0  # [N], opacities above 0.018
     for name, tolerance in (("opacity_logits", 1e-5), ("colors", 1e-5)):
         got, wanted = getattr(found, name).double(), getattr(expected, name)

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from catalogs.vocabulary.cameras import Camera
+from native.ray_casting import Cut
 from surrogate.answers.doubt import NEVER, Doubt
 from surrogate.emulation import FieldEmulator
 from surrogate.explore.cuts import cut_in, cut_of, record_of_cut
@@ -23,7 +24,6 @@ from surrogate.explore.request import MessageError, setting_of
 from surrogate.explore.run import Run
 from surrogate.explore.server.frames import Frames
 from surrogate.explore.setting import Setting
-from surrogate.ray_casting import Cut
 from tests.support.drawn_models import carrying
 from tests.support.emulated_models import BOX, SPAN, both, cameras, surfaces
 

@@ -8,6 +8,7 @@ import torch
 
 from catalogs.vocabulary.appearance import TransferFunction, VolumeRendering
 from catalogs.vocabulary.cameras import Camera
+from native.ray_casting import draw_volume
 from surrogate.appearance.field_gaussians import FieldValues
 from surrogate.appearance.scale import ValueScale
 from surrogate.deformation import BilinearDeformation
@@ -15,7 +16,6 @@ from surrogate.emulation import FieldEmulator
 from surrogate.gaussians import Normalization
 from surrogate.initialization.from_field import EVEN, start_from_field
 from surrogate.rasterizer import Rasterizer
-from surrogate.ray_casting import draw_volume
 from surrogate.settings import TrainingSettings
 
 SIZE = 24

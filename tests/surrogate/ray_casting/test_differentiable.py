@@ -12,7 +12,7 @@ import torch
 from torch import Tensor
 
 from catalogs.vocabulary.appearance import VolumeRendering
-from surrogate import kernels
+from native import kernels
 from surrogate.ray_casting import volume_image
 from surrogate.ray_casting.reference import draw_volume_reference
 from tests.support.cast_cases import CastCase, cast_cases, seen

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from torch import Tensor
 
-from surrogate import kernels
+from native import kernels
 from surrogate.splatting.along_rays import opacities_along_rays, opacities_along_rays_reference
 from surrogate.splatting.reference import rotations
 from tests.support.kernel_calls import recorded

@@ -10,7 +10,7 @@ import torch
 from torch import Tensor
 
 from catalogs.vocabulary.cameras import Camera
-from surrogate import kernels
+from native import kernels
 from surrogate.splatting import Constants, Primitives, draw_over, render
 
 Scene = list[Tensor]

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from torch import Tensor
 
-from surrogate import kernels
+from native import kernels
 from surrogate.splatting.directional import directional_colors, directional_colors_reference
 from tests.support.kernel_calls import recorded
 

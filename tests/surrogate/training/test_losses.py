@@ -7,7 +7,7 @@ import pytest
 import torch
 from skimage.metrics import structural_similarity as skimage_ssim
 
-from surrogate import kernels
+from native import kernels
 from surrogate.training.losses import image_loss, image_loss_reference, structural_similarity
 
 

@@ -13,9 +13,9 @@ import sys
 import tempfile
 from pathlib import Path
 
+from native import kernels
 from research.benchmarks.page import command_line, table
 from research.benchmarks.splatting.compiling import WIDTHS, compiled
-from surrogate import kernels
 
 SOURCE = Path(__file__).with_name("loops.cpp")
 LIBRARIES = {

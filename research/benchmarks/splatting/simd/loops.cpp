@@ -1,7 +1,7 @@
 // The inner loops of splatting, forward and backward, written once and compiled with different vector libraries:
 //     g++ -std=c++17 -O3 -march=... -DWITH_VECTOR_EXTENSIONS loops.cpp        (or WITH_STD_SIMD, _XSIMD, _HIGHWAY, _ARRAYS)
 // Prints nanoseconds per (pixel, Gaussian) pair forward and backward, and a sum of all results, which must agree.
-// `python research/benchmarks/splatting/simd/compare.py` runs them all.  The loops are those of surrogate/kernels/src/tiles.inc, without the lists.
+// `python research/benchmarks/splatting/simd/compare.py` runs them all.  The loops are those of native/kernels/src/tiles.inc, without the lists.
 #include <chrono>
 #include <cmath>
 #include <cstdint>
@@ -17,7 +17,7 @@
 #define GS_WIDTH 8
 #endif
 namespace {
-#include "../../surrogate/kernels/src/vectors.inc"
+#include "../../native/kernels/src/vectors.inc"
 }
 constexpr int kWidth = GS_WIDTH;
 static inline V set(float x) { return splat(x); }

@@ -1,4 +1,4 @@
-// Cuts through a field: a box that what is drawn ends at, and a slice perpendicular to an axis; see surrogate/ray_casting/cuts.py.
+// Cuts through a field: a box that what is drawn ends at, and a slice perpendicular to an axis; see native/ray_casting/cuts.py.
 
 const THICKNESS = 1e-2, OPAQUE = 1e-6; // of a slice in samples; of that, the length that its opacities are of
 export const AXES = "xyz";

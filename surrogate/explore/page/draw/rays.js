@@ -1,4 +1,4 @@
-// Rays through a field, and transfer functions as they meet them; see surrogate/ray_casting.
+// Rays through a field, and transfer functions as they meet them; see native/ray_casting.
 
 import { interpolated } from "draw/nodes.js";
 

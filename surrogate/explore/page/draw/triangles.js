@@ -1,4 +1,4 @@
-// The triangles of an isosurface: marching cubes with normals from central differences; see surrogate/ray_casting/triangles.py.
+// The triangles of an isosurface: marching cubes with normals from central differences; see native/ray_casting/triangles.py.
 
 import { continued, rangeOf } from "draw/field.js";
 

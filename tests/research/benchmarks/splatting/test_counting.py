@@ -6,10 +6,10 @@ import re
 
 import pytest
 
+from native import kernels
 from research.benchmarks.page import PROJECT
 from research.benchmarks.splatting import counting
 from research.benchmarks.splatting.counting import BACKWARD_TERMS, FORWARD_TERMS, Peak, backward_work, forward_work
-from surrogate import kernels
 
 
 def test_work_of_pairs_alone() -> None:

@@ -8,10 +8,10 @@ from pathlib import Path
 import pytest
 
 from catalogs.vocabulary.scene import Scene
+from native import kernels
 from research.benchmarks.results.processors import processors_section
 from research.benchmarks.results.scenes import read_scene
 from research.benchmarks.splatting.instruction_sets import emulated, load, main
-from surrogate import kernels
 from surrogate.settings import TrainingSettings
 from tests.support.again import SCENE, rendered
 

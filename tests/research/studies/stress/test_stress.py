@@ -13,12 +13,12 @@ from click.testing import CliRunner
 from torch import Tensor
 
 import surrogate.splatting
+from native import kernels
 from research.studies.__main__ import main
 from research.studies.stress.cases import BitwiseCase, StressCase, agreements, cases, refusals
 from research.studies.stress.check import check, check_agreement, check_refusal, draw_reference, tables
 from research.studies.stress.drift import Drift, DriftSnapshot, measure_drift
 from research.studies.stress.functions import function_cases
-from surrogate import kernels
 from surrogate.splatting import Primitives, Rendering, cpu, cuda
 from tests.support.tables import tables as widths_of_tables
 

@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pytest
 
+from native.ray_casting.cuts import Cut
 from surrogate.evaluation.metrics import WHITE
 from surrogate.explore.exporting import exports
 from surrogate.explore.exporting.marks import annotated, annotations_of
 from surrogate.explore.facts import box_of
 from surrogate.explore.run import Run
 from surrogate.explore.setting import Setting
-from surrogate.ray_casting.cuts import Cut
 from tests.support.browsers import PHONE, NewPage
 from tests.support.explored import go, open_explorer, settled
 

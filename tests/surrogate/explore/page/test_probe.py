@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pytest
 
+from native.ray_casting.cuts import Cut
 from surrogate.explore.probing import seen_place, value_words, values_at
 from surrogate.explore.request import frame_request
 from surrogate.explore.run import Run
-from surrogate.ray_casting.cuts import Cut
 from tests.support.browsers import serious_findings
 from tests.support.drawn_pages import opened
 from tests.support.explored import addressed, open_explorer, request_of, settled

@@ -10,10 +10,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from catalogs.vocabulary.appearance import Isosurface
 from catalogs.vocabulary.cameras import Camera
-from surrogate import kernels
-from surrogate.ray_casting.fields import SampledField
-from surrogate.ray_casting.triangles import Triangles
-from surrogate.splatting.threads import cores
+from native import kernels
+from native.ray_casting.fields import SampledField
+from native.ray_casting.triangles import Triangles
+from native.threads import cores
 
 SAMPLES = 4  # along each side of a pixel
 

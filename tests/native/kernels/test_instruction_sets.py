@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from surrogate import kernels
+from native import kernels
 
 
 def loss(**options: str) -> float:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from surrogate import kernels
+from native import kernels
 
 UNIT = 2.0**-24  # of rounding, float32
 SUBNORMAL = float(np.finfo(np.float32).tiny)  # numbers below it have fewer digits

@@ -7,7 +7,7 @@ import pytest
 import torch
 from torch import Tensor
 
-from surrogate import kernels
+from native import kernels
 from surrogate.training.optimizer import step_rows, step_rows_reference
 
 SHAPES = [

@@ -9,7 +9,7 @@ import pytest
 import torch
 from numpy.typing import NDArray
 
-from surrogate import kernels
+from native import kernels
 from surrogate.appearance.averages import NEGLIGIBLE, Nodes, averages_reference
 from surrogate.appearance.transferred import RANGES, AverageTable, apply_reference
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catalogs.vocabulary.words import one_line
-from surrogate.ray_casting.fields import SampledField
+from native.ray_casting.fields import SampledField
 
 # Triangles in a cell (Lorensen & Cline 1987, "Marching cubes"), cut as VTK cuts them, by which corners lie above: bit x + 2 y + 4 z
 # of the place in this list.  Each hexadecimal digit is an edge: 4 times its axis, plus 1 and 2 for the sides along the others.

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from catalogs.vocabulary.appearance import TransferFunction, VolumeRendering
 from catalogs.vocabulary.numbers import text
-from surrogate.ray_casting.fields import SampledField, Triple
+from native.ray_casting.fields import SampledField, Triple
 
 AXES = "xyz"
 THICKNESS = 1e-2  # of a slice, in samples: single precision meets it from far away

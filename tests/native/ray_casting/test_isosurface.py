@@ -11,11 +11,11 @@ import pytest
 
 from catalogs.vocabulary.appearance import Isosurface, VolumeRendering
 from catalogs.vocabulary.cameras import Camera
+from native import kernels
+from native.ray_casting import SampledField, SurfaceCaster, draw_isosurface
 from render import render_views
 from render.grids import Grid
 from render.quality import psnr
-from surrogate import kernels
-from surrogate.ray_casting import SampledField, SurfaceCaster, draw_isosurface
 from surrogate.ray_casting.reference import draw_isosurface_reference
 from tests.support.cast_cases import SMOOTH, far_away, gyroid, inside, punctured, seen, with_values
 
@@ -83,7 +83,7 @@ def test_images_are_those_that_vtk_draws(name: str) -> None:
     field, value, camera = CASES[name]
     camera = camera.resized(7 * camera.width, 7 * camera.height)
     grid = Grid(field.filled, field.spacing, field.origin, field.holes)
-    (expected,) = render_views(grid, surface(value), [camera], float_output=True)
+    (expected,) = render_views(grid, surface(value), [camera], float_output=True, backend="vtk")
     assert expected[..., 3].max() > 0.99
     assert psnr(SurfaceCaster.of(field, surface(value)).draw(camera), expected) > 60
 
@@ -93,7 +93,7 @@ def test_a_linear_field_has_the_plane_that_vtk_draws() -> None:
     field = SampledField((0.3 * x - 0.5 * y + 0.7 * z).astype(np.float32), None, (0.5, 1.0, 0.8), (1.0, 2.0, 3.0))
     camera = seen(field, 96)
     (expected,) = render_views(
-        Grid(field.values, field.spacing, field.origin), surface(2.0), [camera], float_output=True
+        Grid(field.values, field.spacing, field.origin), surface(2.0), [camera], float_output=True, backend="vtk"
     )
     found = SurfaceCaster.of(field, surface(2.0)).draw(camera)
     inner = (expected[..., 3] == 1.0) & (found[..., 3] == 1.0)

@@ -59,7 +59,7 @@ copied); the same input gives bitwise the same output for any number of threads.
             values (nz, ny, nx), of which low and high become 0 and 1; holes: bool, of the same shape, or None
     cast_volume(field, knots, distances, light, rays, size, threads, bounds=None, instruction_set="") -> picture (H, W, 4)
             knots (K, 5): places increasing from 0 to 1, opacity, red, green, blue; distances: between samples, and of opacities
-            light: None, or ambient, diffuse, specular, power; rays (5, 3): see `surrogate.ray_casting.fields`; size: width, height
+            light: None, or ambient, diffuse, specular, power; rays (5, 3): see `native.ray_casting.fields`; size: width, height
             bounds (2, 3): the lowest and highest place in samples where rays begin and end
     cast_gradient(field, knots, distances, rays, picture, gradient, every, threads, instruction_set="")
             -> gradients by the values drawn (nz, ny, nx) and by opacity, red, green and blue of the knots (K, 4), of a picture
@@ -78,9 +78,9 @@ blend read the Gaussians' arrays again in the backward pass: they must not have 
 """
 
 try:
-    from surrogate.kernels._kernels import *  # noqa: F403, names and types: _kernels.pyi
+    from native.kernels._kernels import *  # noqa: F403, names and types: _kernels.pyi
 except ModuleNotFoundError as error:
     raise ModuleNotFoundError(
-        "the C++ kernels of surrogate were not built, for lack of a C++ compiler or of Python's headers: install g++ and "
+        "the C++ kernels of gs-surrogate were not built, for lack of a C++ compiler or of Python's headers: install g++ and "
         "python3-dev, and gs-surrogate once more with pip install --force-reinstall --no-deps --no-cache-dir"
     ) from error

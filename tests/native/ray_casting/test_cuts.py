@@ -10,10 +10,10 @@ import pytest
 
 from catalogs.vocabulary.appearance import Isosurface, VolumeRendering
 from catalogs.vocabulary.cameras import Camera
+from native import kernels
+from native.ray_casting import Cut, SampledField, SurfaceCaster, VolumeCaster
+from native.ray_casting.cuts import THICKNESS, sliced
 from render.quality import psnr
-from surrogate import kernels
-from surrogate.ray_casting import Cut, SampledField, SurfaceCaster, VolumeCaster
-from surrogate.ray_casting.cuts import THICKNESS, sliced
 from surrogate.ray_casting.reference import draw_isosurface_reference, draw_volume_reference
 from tests.support.cast_cases import PEAKS, SMOOTH, far_away, gyroid, inside, punctured, seen
 

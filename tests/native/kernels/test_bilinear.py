@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from surrogate import kernels
+from native import kernels
 
 WIDTHS = (3, 3, 4, 1)
 

@@ -25,6 +25,7 @@ class SampledField:
     values : (nz, ny, nx) real, finite but in holes; sample [k, j, i] lies at `origin + spacing * (i, j, k)`.
     holes : (nz, ny, nx) bool or None: samples without a value; grid cells with one at a corner are transparent.
     spacing, origin : world units, in the order x, y, z.
+    is_filled : true where values in holes are those of neighbours already.
 
     Raises ValueError or TypeError naming what is wrong with shapes, types or values.
     """
@@ -33,6 +34,7 @@ class SampledField:
     holes: NDArray[np.bool_] | None = None
     spacing: Triple = (1.0, 1.0, 1.0)
     origin: Triple = (0.0, 0.0, 0.0)
+    is_filled: bool = False
 
     def __post_init__(self) -> None:
         values = np.asarray(self.values)
@@ -62,12 +64,12 @@ class SampledField:
     @cached_property
     def filled(self) -> NDArray[Any]:
         """`values`, holes with the value of a neighbour, so that gradients beside them are those of the field."""
-        return self.values if self.holes is None else continued(self.values, self.holes)
+        return self.values if self.holes is None or self.is_filled else continued(self.values, self.holes)
 
     @cached_property
     def range(self) -> tuple[float, float]:
         """Smallest and largest value."""
-        valid = self.values if self.holes is None else self.values[~self.holes]
+        valid = self.values if self.holes is None or self.is_filled else self.values[~self.holes]
         return float(valid.min()), float(valid.max())
 
     @property

@@ -7,8 +7,8 @@ import pytest
 
 from catalogs.vocabulary.appearance import TransferFunction, VolumeRendering
 from catalogs.vocabulary.cameras import Camera
-from surrogate.ray_casting import SampledField, VolumeCaster, fitting_distance
-from surrogate.ray_casting.distances import SHORTEST
+from native.ray_casting import SampledField, VolumeCaster, fitting_distance
+from native.ray_casting.distances import SHORTEST
 
 SIZE = 20
 GRID = np.meshgrid(*[np.linspace(-1.0, 1.0, SIZE)] * 3, indexing="ij")

@@ -6,8 +6,8 @@ import numpy as np
 
 from catalogs.vocabulary.appearance import VolumeRendering
 from catalogs.vocabulary.cameras import Camera
-from surrogate.ray_casting.fields import SampledField
-from surrogate.ray_casting.volume import VolumeCaster
+from native.ray_casting.fields import SampledField
+from native.ray_casting.volume import VolumeCaster
 
 DECIBELS = 50.0  # PSNR of an image against one of half the distance
 SHORTEST = 1.0 / 16.0  # of the smallest spacing

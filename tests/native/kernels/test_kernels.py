@@ -12,7 +12,7 @@ import pytest
 from numpy.typing import NDArray
 
 from catalogs.vocabulary.cameras import Camera
-from surrogate import kernels
+from native import kernels
 from surrogate.splatting import Constants
 
 Arrays = list[NDArray[np.float32]]

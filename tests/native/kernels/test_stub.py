@@ -8,14 +8,14 @@ from pathlib import Path
 
 import pytest
 
-import surrogate.kernels
+import native.kernels
 
 
 @pytest.mark.slow
 def test_the_stub_is_what_nanobind_writes(tmp_path: Path) -> None:
-    """`python -m nanobind.stubgen -m surrogate.kernels._kernels -O surrogate/kernels` renews it."""
+    """`python -m nanobind.stubgen -m native.kernels._kernels -O native/kernels` renews it."""
     pytest.importorskip("nanobind")
-    command = [sys.executable, "-m", "nanobind.stubgen", "-q", "-m", "surrogate.kernels._kernels", "-O", str(tmp_path)]
+    command = [sys.executable, "-m", "nanobind.stubgen", "-q", "-m", "native.kernels._kernels", "-O", str(tmp_path)]
     subprocess.run(command, check=True)
-    stub = Path(str(surrogate.kernels.__file__)).parent / "_kernels.pyi"
+    stub = Path(str(native.kernels.__file__)).parent / "_kernels.pyi"
     assert stub.read_text() == (tmp_path / "_kernels.pyi").read_text()

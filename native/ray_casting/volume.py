@@ -11,10 +11,10 @@ from numpy.typing import ArrayLike, NDArray
 from catalogs.vocabulary.appearance import VolumeRendering
 from catalogs.vocabulary.cameras import Camera
 from catalogs.vocabulary.numbers import positive
-from surrogate import kernels
-from surrogate.ray_casting.fields import SampledField
-from surrogate.ray_casting.functions import Knots, drawn_range
-from surrogate.splatting.threads import cores
+from native import kernels
+from native.ray_casting.fields import SampledField
+from native.ray_casting.functions import Knots, drawn_range
+from native.threads import cores
 
 HEADLIGHT = (0.1, 0.7, 0.2, 10.0)  # ambient, diffuse, specular and its power, of shaded volumes
 MOST_STEPS = 1 << 20  # along the box's diagonal
@@ -134,5 +134,9 @@ def drawn_values(
     if values.dtype == np.float32:
         return values, value_range
     low, high = value_range
+    wide = np.longdouble if values.dtype in ("int64", "uint64") else np.float64  # beyond 2**53, too
+    scaled = np.empty(values.shape, dtype=np.float32)
     with np.errstate(over="ignore"):
-        return ((values.astype(np.float64) - low) / (high - low)).astype(np.float32), (0.0, 1.0)
+        for plane, samples in zip(scaled, values, strict=True):  # one in double precision at a time
+            plane[:] = (samples.astype(wide) - low) / (high - low)
+    return scaled, (0.0, 1.0)

@@ -12,15 +12,15 @@ import pytest
 
 from catalogs.vocabulary.appearance import Isosurface, TransferFunction, VolumeRendering
 from catalogs.vocabulary.cameras import Camera
+from native import kernels
+from native.ray_casting import SurfaceCaster, VolumeCaster, draw_volume
+from native.ray_casting.fields import SampledField
+from native.ray_casting.volume import HEADLIGHT
 from render import render_views
 from render.grids import Grid
 from render.quality import psnr
 from render.shaders import AMBIENT, DIFFUSE, SPECULAR, SPECULAR_POWER
-from surrogate import kernels
-from surrogate.ray_casting import SurfaceCaster, VolumeCaster, draw_volume
-from surrogate.ray_casting.fields import SampledField
 from surrogate.ray_casting.reference import draw_volume_reference
-from surrogate.ray_casting.volume import HEADLIGHT
 from tests.support.cast_cases import SMOOTH, CastCase, cast_cases, far_away, gyroid, punctured, seen
 from tests.support.raymarch import march
 
@@ -59,7 +59,8 @@ def test_the_kernel_draws_what_the_reference_defines(name: str, instruction_set:
 def test_images_are_those_of_vtk(name: str) -> None:
     case = CASES[name]
     grid = grid_of(case.field)
-    views = render_views(grid, case.appearance, [case.camera], sample_distance=case.sample_distance, float_output=True)
+    asked = {"sample_distance": case.sample_distance, "float_output": True, "backend": "vtk"}
+    views = render_views(grid, case.appearance, [case.camera], **asked)
     assert psnr(drawn(case), next(views)) > 80
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from surrogate import kernels
+from native import kernels
 
 Arrays = list[NDArray[np.float32]]
 

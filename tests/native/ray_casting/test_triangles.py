@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
+from native.ray_casting import SampledField
+from native.ray_casting.triangles import Triangles
 from render.grids import Grid
 from render.isosurface import extract
 from render.placement import Placement
-from surrogate.ray_casting import SampledField
-from surrogate.ray_casting.triangles import Triangles
 from tests.support.cast_cases import gyroid, punctured, with_values
 
 RANDOM = np.random.default_rng(5)
