@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+import runpy
 import tomllib
 from pathlib import Path
 from typing import Any
@@ -87,6 +88,17 @@ def test_the_citation_is_of_this_project() -> None:
     citation, project = read(ROOT / "CITATION.cff"), PROJECT["project"]
     assert (citation["version"], citation["license"]) == (project["version"], project["license"])
     assert citation["authors"] == [{"name": "The gs-surrogate developers"}]
+
+
+def test_links_of_the_readme_become_absolute_for_pypi() -> None:
+    absolute = runpy.run_path(str(ROOT / ".ci" / "absolute_links.py"))["absolute"]
+    text = "![a](docs/a.webp) [b](docs/b.md#c) [d](https://example.org/d) [e](#f)"
+    assert absolute(text, "https://host/us/it", "v1") == (
+        "![a](https://host/us/it/raw/v1/docs/a.webp) [b](https://host/us/it/blob/v1/docs/b.md#c) "
+        "[d](https://example.org/d) [e](#f)"
+    )
+    readme = absolute((ROOT / "README.md").read_text(), "https://host/us/it", "v1")
+    assert {link for link in re.findall(r"\]\(([^)]+)\)", readme) if "://" not in link} == set()
 
 
 def test_the_changelog_begins_with_what_is_not_released() -> None:

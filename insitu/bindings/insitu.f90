@@ -1,4 +1,4 @@
-! Render the members of an ensemble from a simulation in Fortran; see docs/results/embedding.md and insitu.h.
+! Render the members of an ensemble from a simulation in Fortran; see insitu.h.
 ! Every function returns 0, or 1 where it failed, and insitu_error() says why.
 module insitu
   use, intrinsic :: iso_c_binding

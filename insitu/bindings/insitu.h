@@ -1,4 +1,4 @@
-/* Render the members of an ensemble from a simulation in C or C++; see docs/results/embedding.md.
+/* Render the members of an ensemble from a simulation in C or C++.
 
    Every function returns 0, or 1 where it failed, and insitu_error() says why.  A call that failed changes nothing, but insitu_render
    forgets the fields in any case.  With MPI all ranks call all of them, in the same order; insitu_initialize_mpi, insitu_render and

@@ -37,7 +37,7 @@ Array = NDArray[np.float64]
 
 FILE = Path("answers") / "doubt.json"
 RECORD, VERSION = "doubt", 2  # 1 knew no other embeddings
-NEW = 0.05  # of what a function shows: more that training never showed is never shown; see docs/results/explorer.md
+NEW = 0.05  # of what a function shows: more that training never showed is never shown
 SLACK = 1.05  # of a share: emulators are stored in few bits
 LIKE, BETWEEN, FAR, NEVER = (
     "like a run that was simulated",

@@ -3,7 +3,7 @@
     python -m research.benchmarks.splatting.batches [MODEL] [--quick] [--machine "two cores"]
 
 MODEL is the folder of a trained surrogate; without one, random Gaussians with a bilinear deformation are drawn.  Batches and loops
-take turns, and each figure is the median of several rounds.  Writes the table in docs/results/python.md; a minute or two.
+take turns, and each figure is the median of several rounds.  Writes the table in docs/results/batches.md; a minute or two.
 """
 
 from __future__ import annotations
@@ -92,11 +92,11 @@ def main(arguments: Sequence[str] | None = None, say: Callable[[str], None] | No
     options.add_argument("model", nargs="?", type=Path, help="folder of a trained surrogate")
     options.add_argument("--quick", action="store_true", help="small and few: does it run?")
     options.add_argument("--machine", default="", help="the machine, in words")
-    options.add_argument("--output", type=Path, default=RESULTS, help="folder that holds python.md")
+    options.add_argument("--output", type=Path, default=RESULTS, help="folder that holds batches.md")
     given = options.parse_args(arguments)
     surrogate = Surrogate.load(given.model) if given.model else random_surrogate(200 if given.quick else GAUSSIANS)
     sizes, counts, seconds = ((16,), (1, 4), 0.01) if given.quick else (SIZES, COUNTS, 1.0)
-    page = page_in(given.output, "python.md")
+    page = page_in(given.output, "batches.md")
     made = made_by("splatting.batches", on=given.machine)
     parts = {"batches": lambda: measured(surrogate, sizes, counts, seconds)}
     if write_parts(page, parts, made, say or stopwatch()):

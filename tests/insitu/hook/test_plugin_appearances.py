@@ -149,7 +149,7 @@ def test_a_wrong_argument_is_named_with_the_appearance(stranger: Any) -> None:
 
 
 def test_the_documented_appearance_renders(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    module, project = documented_code("docs/results/rendering.md", "An appearance of your own")
+    module, project = documented_code("docs/how-to/extend.md", "An appearance of your own")
     install(tmp_path, "my_package", tomllib.loads(project)["project"]["entry-points"], module)
     monkeypatch.syspath_prepend(str(tmp_path))
     monkeypatch.delitem(sys.modules, "my_package", raising=False)

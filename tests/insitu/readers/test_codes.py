@@ -49,7 +49,7 @@ def test_the_commands_help_lists_the_readers(command: str) -> None:
 def test_another_packages_reader_renders_its_dumps(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, named: list[str]
 ) -> None:
-    module, project = documented_code("docs/results/ensembles.md", "A reader of your own")
+    module, project = documented_code("docs/how-to/extend.md", "A reader of your own")
     install(tmp_path, "my_package", tomllib.loads(project)["project"]["entry-points"], module)
     monkeypatch.syspath_prepend(str(tmp_path))
     monkeypatch.setenv("PYTHONPATH", str(tmp_path))

@@ -168,7 +168,7 @@ def test_the_documented_code_runs(
 ) -> None:
     monkeypatch.setattr("surrogate.answers.sobol.sobol_indices.__kwdefaults__", {"samples": 8, "seed": 0})
     member = catalog_of_three.members[0]
-    (code,) = [block for block in documented_code("docs/results/answers.md", "What matters") if "import" in block]
+    (code,) = [block for block in documented_code("docs/how-to/questions.md", "What matters") if "import" in block]
     names: dict[str, Any] = {
         "surrogate": surrogate_of_three.using("field"),
         "catalog": catalog_of_three,

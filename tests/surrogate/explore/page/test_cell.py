@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from playwright.sync_api import Page
 
 pytestmark = pytest.mark.slow
-DOCS = Path(__file__).parents[4] / "docs" / "results" / "explorer.md"
+DOCS = Path(__file__).parents[4] / "docs" / "how-to" / "send.md"
 RESTS = "() => window.explorer?.resting && window.explorer.counted.whole > 0"
 
 
