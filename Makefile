@@ -29,7 +29,7 @@ help:
 	@echo "make test | test-research        every test of the product (make test-fast: the quick ones), or of research/"
 	@echo "make browse | explore [SCENE=$(SCENE)]   its pictures, or its surrogate, in a browser"
 	@echo "make examples                    environments of the simulation codes of examples/: minutes"
-	@echo "make docs                        the documentation's site -> docs/_build/html"
+	@echo "make docs                        the documentation's site -> build/site"
 	@echo "make packages                    sdist and wheel, tried in empty environments: a minute for each Python"
 	@echo "make setup | dataset | train | evaluate | browse | lint | bench, one by one"
 	@echo "scenes: $(basename $(notdir $(wildcard scenes/*.toml)))"
@@ -112,10 +112,10 @@ $(PYTHON) -m venv --clear .venv-$*
 @touch $@
 endef
 
-# The documentation's site, in docs/_build/html, without the network once its tools are installed; a warning is an error, a link
+# The documentation's site, in build/site, without the network once its tools are installed; a warning is an error, a link
 # that leads nowhere among them.  Examples that did not change are not run again.
 docs: .venv/.docs
-	OMP_NUM_THREADS=1 $(BIN)/sphinx-build -q -n -W --keep-going -b html docs docs/_build/html
+	OMP_NUM_THREADS=1 $(BIN)/sphinx-build -q -n -W --keep-going -b html docs build/site
 
 .venv/.docs: $(SETUP)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[docs]'

@@ -15,8 +15,7 @@ CHECKOUT = Path(__file__).resolve().parents[1]
 
 def place(checkout: Path = CHECKOUT) -> tuple[str, str]:
     """The site's address, empty where there is none on this machine, and a sentence that says where the documentation is."""
-    sources = checkout / "docs"
-    built = sources / "_build" / "html"
+    sources, built = checkout / "docs", checkout / "build" / "site"
     if (built / "index.html").is_file():
         return (built / "index.html").as_uri(), f"The documentation: {built / 'index.html'}"
     if (sources / "conf.py").is_file():

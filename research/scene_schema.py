@@ -103,10 +103,12 @@ def kinds(forms: Mapping[str, Json]) -> Json:
 def sources() -> Json:
     """The `[source]` table."""
     images, catalog = OF_THE_SOURCE
-    forms = {kind: table(dict.fromkeys(sorted(needed | more), {}), sorted(needed)) for kind, (needed, more) in KEYS.items()}
+    forms = {
+        kind: table({key: {} for key in sorted(needed | more)}, sorted(needed)) for kind, (needed, more) in KEYS.items()
+    }
     forms["loop"] = table({})
-    forms["nerf"] = table(dict.fromkeys(sorted(images), {}), ["path", "bounds"])
-    forms["catalog"] = table(dict.fromkeys(sorted(catalog), {}), ["path"])
+    forms["nerf"] = table({key: {} for key in sorted(images)}, ["path", "bounds"])
+    forms["catalog"] = table({key: {} for key in sorted(catalog)}, ["path"])
     return kinds({kind: forms[kind] for kind in SOURCES})
 
 

@@ -14,10 +14,13 @@ from insitu.cli import main as insitu
 from surrogate.cli import main as surrogate
 
 PROJECT = Path(__file__).resolve().parent.parent
+MADE = {"generated", "gallery"}  # folders of docs/ that the build of the site writes
 DOCUMENTS = [
     PROJECT / "README.md",
     PROJECT / "CONTRIBUTING.md",
-    *sorted((PROJECT / "docs").rglob("*.md")),
+    *sorted(
+        path for path in (PROJECT / "docs").rglob("*.md") if not MADE.intersection(path.relative_to(PROJECT).parts)
+    ),
     PROJECT / "docs" / "start" / "tutorial.ipynb",
     PROJECT / "research" / "records" / "README.md",
 ]
@@ -84,3 +87,30 @@ def test_make_targets_that_are_named_exist(document: Path) -> None:
     quoted = re.findall(r"`[^`\n]*`|^(?:\$ )?make .*$", document.read_text(), re.MULTILINE)
     named = {word for text in quoted for words in TARGET.findall(text) for word in words.split()}
     assert sorted(named - set(rules)) == []
+
+
+def test_the_readme_is_short_and_says_nothing_of_a_commit() -> None:
+    text = (PROJECT / "README.md").read_text()
+    assert len(text.split()) <= 700
+    assert text.count("\n") <= 110
+    assert re.findall(r"±|\bcommit\b|\b[0-9a-f]{7,12}\b|AMD|EPYC|Intel|Xeon", text) == []
+
+
+def test_pages_outside_results_stay_few() -> None:
+    """At most half of what all pages had before there were parts."""
+    pages = [path for path in DOCUMENTS if path.suffix == ".md" and (PROJECT / "docs") in path.parents]
+    apart = [path for path in pages if "results" not in path.relative_to(PROJECT).parts]
+    assert sum(path.stat().st_size for path in apart) <= 112_000
+
+
+def test_how_to_pages_fit_a_screen() -> None:
+    pages = [
+        path for path in (PROJECT / "docs" / "how-to").glob("*.md") if path.stem not in ("index", "extend", "questions")
+    ]
+    assert {path.name: lines for path in pages if (lines := path.read_text().count("\n")) > 50} == {}
+
+
+def test_questions_are_answered_by_pages() -> None:
+    rows = re.findall(r"^\| (?!---|\.\.\.).* \|$", (PROJECT / "docs" / "how-to" / "index.md").read_text(), re.MULTILINE)
+    assert len(rows) >= 40
+    assert [row for row in rows if "](" not in row] == []

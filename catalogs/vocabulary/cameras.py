@@ -175,7 +175,7 @@ def icosphere(frequency: int = 5) -> NDArray[np.float64]:
     """Unit vectors (10 * frequency**2 + 2, 3): vertices of the geodesic icosahedron.
 
     Each face of an icosahedron with vertices at the cyclic permutations of (0, +-1, +-phi) is split into
-    `frequency`**2 triangles.  They are projected to the sphere (class I geodesic polyhedron; Goldberg 1937).
+    the square of `frequency` triangles.  They are projected to the sphere (class I geodesic polyhedron; Goldberg 1937).
     Frequency 5 gives the method's 252 viewpoints.  Orientation and order are fixed: ring by ring of edges from the corner
     (0, -1, phi), each ring by azimuth around it.  So the even and the odd viewpoints each cover the sphere evenly: at frequency 5
     no view is further than 14.1 degrees from one of the other half.

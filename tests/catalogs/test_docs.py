@@ -13,7 +13,7 @@ from surrogate.cli import main as surrogate
 
 
 def test_the_site_of_a_checkout_is_opened(tmp_path: Path) -> None:
-    page = tmp_path / "docs" / "_build" / "html" / "index.html"
+    page = tmp_path / "build" / "site" / "index.html"
     page.parent.mkdir(parents=True)
     page.write_text("a page")
     assert place(tmp_path) == (page.as_uri(), f"The documentation: {page}")

@@ -11,6 +11,7 @@ import jsonschema
 import pytest
 
 from catalogs.vocabulary.scene import Scene
+from insitu.ensembles.sources import ensemble_of
 from research.scene_schema import PATH, schema, text
 from surrogate.settings import BOUNDS
 
@@ -66,11 +67,13 @@ def test_mistakes_are_refused_by_both(keys: list[Any], value: Any, tmp_path: Pat
     path = tmp_path / "scene.toml"
     path.write_text(_toml(scene))
     with pytest.raises((ValueError, TypeError)):
-        loaded = Scene.load(path)
-        loaded.check_tables()
-        from insitu.ensembles.sources import ensemble_of
+        read_whole(path)
 
-        ensemble_of(loaded)
+
+def read_whole(path: Path) -> None:
+    loaded = Scene.load(path)
+    loaded.check_tables()
+    ensemble_of(loaded)
 
 
 def _toml(scene: dict[str, Any]) -> str:

@@ -139,7 +139,9 @@ def test_a_figure_shows_pictures_and_intervals_or_intervals_alone(two: Path, tmp
 def test_the_documented_code_runs(two: Path) -> None:
     catalog = Catalog.open(two / "catalog.cdb")
     (code,) = [
-        block for block in documented_code("docs/how-to/questions.md", "Which parameters draw this") if "import" in block
+        block
+        for block in documented_code("docs/how-to/questions.md", "Which parameters draw this")
+        if "import" in block
     ]
     name, picture = _tested(catalog), stored_target(catalog, _tested(catalog), 3).picture
     names = {"model": Surrogate.load(two / "surrogate"), "catalog": catalog, "folder": two, "picture": picture}
