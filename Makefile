@@ -113,9 +113,9 @@ $(PYTHON) -m venv --clear .venv-$*
 endef
 
 # The documentation's site, in build/site, without the network once its tools are installed; a warning is an error, a link
-# that leads nowhere among them.  Examples that did not change are not run again.
+# that leads nowhere among them.  Examples that did not change are not run again; `make docs GALLERY=0` runs none.
 docs: .venv/.docs
-	OMP_NUM_THREADS=1 $(BIN)/sphinx-build -q -n -W --keep-going -b html docs build/site
+	OMP_NUM_THREADS=1 $(BIN)/sphinx-build -q -n -W --keep-going -b html $(if $(filter 0,$(GALLERY)),-D plot_gallery=0) docs build/site
 
 .venv/.docs: $(SETUP)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[docs]'

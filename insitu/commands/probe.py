@@ -45,16 +45,17 @@ def probe(
 
     SOURCES: a scene's TOML file (its simulation is run, or its file read), or an ensemble, as `insitu ensemble` takes it.  One file
     per member will do, too: .npy, .npz, HDF5, netCDF, Zarr, any that pyvista reads, or a dump of a code that --reader lists.
+    The output is a file for --appearance, with all measurements as comments.
     """
     with command():
         reading = ReadingOptions(arrays=arrays, parameters=parameters, names=names, spacing=spacing or None, **codes)
         fields = _read(sources, count, reading, nan or "refuse")
         for name, (measured, suggestion) in suggested(fields, alpha).items():
-            if len(fields) > 1:
-                click.echo(f"field {name}")
-            click.echo(str(measured))
-            click.echo(f"mean foreground alpha by member: {', '.join(f'{a:.2f}' for a in suggestion.alphas)}\n")
-            click.echo(suggestion.toml())
+            alphas = ", ".join(f"{alpha:.2f}" for alpha in suggestion.alphas)
+            remarks = [f"field {name}"] * (len(fields) > 1) + str(measured).splitlines()
+            for line in (*remarks, f"mean foreground alpha by member: {alphas}"):
+                click.echo(f"# {line}".rstrip())
+            click.echo(f"\n{suggestion.toml()}")
             if preview is not None:
                 _preview(preview, fields[name], suggestion.appearance, name if len(fields) > 1 else "")
 
@@ -86,8 +87,9 @@ def _read(sources: tuple[Path, ...], count: int, reading: ReadingOptions, nan: s
     place = reading.location
     how: dict[str, Any] = {"spacing": place.spacing, "origin": place.origin, "dims": place.dims, "nan": nan}
     how |= {"reader": reading.reader, "sampling": reading.sampling}
+    alike = len({path.name for path in sources}) < len(sources)  # as run_1/dump.vti, run_2/dump.vti
     return {
-        array or "": {path.name: read_field(path, array=array, **how) for path in sources}
+        array or "": {str(path) if alike else path.name: read_field(path, array=array, **how) for path in sources}
         for array in arrays or (None,)
     }
 

@@ -2,9 +2,15 @@
 
 from __future__ import annotations
 
+import tomllib
+from pathlib import Path
+
 import numpy as np
 import pytest
+from click.testing import CliRunner
 
+from catalogs.vocabulary.appearance import appearance_from_json
+from insitu.cli import main
 from insitu.ensembles.probe import probe_fields
 from render import to_grid
 
@@ -45,3 +51,16 @@ def test_holes_of_a_grid_do_not_weigh() -> None:
 def test_no_member_is_an_error() -> None:
     with pytest.raises(ValueError, match="no member"):
         probe_fields([])
+
+
+def test_the_command_prints_a_file_of_appearances(tmp_path: Path) -> None:
+    """Files of one name in several folders are as many members, and the whole output is TOML."""
+    for number in (1, 2, 3):
+        (tmp_path / f"run_{number}").mkdir()
+        np.save(tmp_path / f"run_{number}" / "dump.npy", number * np.linspace(0.0, 1.0, 512).reshape(8, 8, 8))
+    sources = [str(path) for path in sorted(tmp_path.glob("run_*/dump.npy"))]
+    done = CliRunner().invoke(main, ["probe", *sources, "--preview", str(tmp_path / "look.png")])
+    assert done.exit_code == 0, done.output
+    assert done.output.startswith("# 3 members, values 0 to 3")
+    (record,) = tomllib.loads(done.output)["appearance"]
+    assert appearance_from_json(record).name == "dvr"
