@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import math
-import time
 import warnings
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any, Protocol
 
 import numpy as np
@@ -15,21 +14,27 @@ from numpy.typing import NDArray
 from catalogs.vocabulary import numbers
 from catalogs.vocabulary.appearance import Appearance, Isosurface, TransferFunction, VolumeRendering
 from catalogs.vocabulary.cameras import Camera, orbit
+from render.backends import backend_of
+from render.casting import cast_views, prepared
 from render.grids import Grid, Triple
 from render.steepness import mean_change, swept
 from render.views import render_views
 
-CANDIDATES = (1.5, 1.25, 1.0, 0.9, 0.8, 0.7, 0.6, 0.5, 0.4, 0.3, 0.25, 0.2, 0.15, 0.125, 0.1)  # in smallest spacings
-REFERENCE = 1 / 24  # in smallest spacings: beyond 80 dB against the float64 ray-marcher on fields of this kind
-MARGIN = 1.0  # dB kept in hand for views and members that were not measured
+COARSE = (64.0, 48.0, 40.0, 32.0, 24.0, 20.0, 16.0, 12.0, 10.0, 8.0, 6.0, 5.0, 4.0, 3.0, 2.5, 2.0)  # smallest spacings
+CANDIDATES = (*COARSE, 1.5, 1.25, 1.0, 0.9, 0.8, 0.7, 0.6, 0.5, 0.4, 0.3, 0.25, 0.2, 0.15, 0.125, 0.1)
+FIRST = 1.5  # of them that is measured
+FEWEST_SAMPLES = 4  # along the longest side of the box, at the coarsest
+REFERENCE, FINER = (
+    0.25,
+    6.0,
+)  # of a reference's samples: the spacings between them, at most, and how much finer they are
+ORDER = 4  # the squared error grows with this power of the distance where it is small
+MARGIN = 1.5  # dB kept in hand for views and members that were not measured
 ANISOTROPIC = 2.0  # largest over smallest spacing beyond which samples stay within half the smallest
-VIEWS = 4
-TRIVIAL = (
-    0.25  # of a swept field's change from sample to sample: a field with less says little of its transfer function
-)
+VIEWS, PIXELS = 28, 48
 FINEST_SWEPT = 0.25  # smallest spacings: swept fields ask for no finer distance
-HARDER = 1.5  # times the change of what was measured: such a field is measured again
-CHECKED_VIEWS, CHECKED_PIXELS = 2, 96
+HARDER = 1.05  # times the change of what was measured: such a field is measured again
+CHECKED_VIEWS, CHECKED_PIXELS = 8, 48
 
 
 class Drawable(Protocol):
@@ -38,6 +43,10 @@ class Drawable(Protocol):
     @property
     def spacing(self) -> Triple:
         """Of its samples, world units, x, y, z."""
+
+    @property
+    def shape(self) -> tuple[int, int, int]:
+        """Its samples along z, y, x."""
 
     def pictures(
         self, appearance: Appearance, cameras: Sequence[Camera], sample_distance: float | None, *, float_output: bool
@@ -54,16 +63,27 @@ class WholeField:
 
     grid: Grid
     backend: str = "auto"
+    _casters: dict[Appearance, Any] = field(default_factory=dict)  # the latest appearance's, prepared
 
     @property
     def spacing(self) -> Triple:
         """See `Drawable`."""
         return self.grid.spacing
 
+    @property
+    def shape(self) -> tuple[int, int, int]:
+        """See `Drawable`."""
+        return self.grid.shape
+
     def pictures(
         self, appearance: Appearance, cameras: Sequence[Camera], sample_distance: float | None, *, float_output: bool
     ) -> Iterable[NDArray[Any]]:
         """See `Drawable`."""
+        if isinstance(appearance, VolumeRendering) and backend_of(self.grid, appearance, self.backend) == "cpu":
+            if appearance not in self._casters:
+                self._casters.clear()
+                self._casters[appearance] = prepared(self.grid, appearance)
+            return cast_views(self._casters[appearance], cameras, sample_distance, float_output=float_output)
         return render_views(
             self.grid,
             appearance,
@@ -80,21 +100,19 @@ class WholeField:
 
 @dataclass(frozen=True)
 class SampleDistance:
-    """A sample distance (world units), the error measured at it and the time an image took.
+    """A sample distance (world units), and the error measured at it.
 
     Attributes
     ----------
     distance : world units between samples along a ray.
-    decibels : peak signal-to-noise ratio of the 8-bit pictures (premultiplied RGBA, peak 1, all pixels pooled)
-        against pictures at 1/24 of the smallest spacing.
-    milliseconds : wall-clock time per image while measuring, upload included.
+    decibels : peak signal-to-noise ratio of the 8-bit pictures (premultiplied RGBA, peak 1, all pixels pooled).  The reference
+        has samples at a sixth of the distance, and at most a quarter of the smallest spacing.
     note : what the user should know: that it misses the target.
     change : how much the measured field changes from sample to sample as the transfer function shows it (`mean_change`).
     """
 
     distance: float
     decibels: float
-    milliseconds: float
     note: str = ""
     change: float = 0.0
 
@@ -107,13 +125,13 @@ def choose_sample_distance(
     *,
     warn: bool = True,
 ) -> SampleDistance:
-    """The largest sample distance at which pictures of `field` come within `target_decibels` (+1 dB in hand).
+    """The largest sample distance at which pictures of `field` come within `target_decibels` (+1.5 dB in hand).
 
-    Renders up to four of `cameras`, spread over the sequence, at ever smaller distances until the target is met.
-    On grids whose spacings differ by more than a factor of 2 it starts at half the smallest, because thin
-    structures lose opacity when a step jumps over them.  Where none is enough it returns the finest,
-    with a `note`, and gives it as a warning unless `warn` is false.  An isosurface has no samples along rays: its
-    distance is the smallest spacing and its error is 0 (inf dB).
+    Draws up to 28 of `cameras`, spread over the sequence, at no more than 48 pixels: errors differ more between views than
+    within them. The error of one distance says near which one the target is met, and a few are measured. On grids whose
+    spacings differ by more than a factor of 2 none is longer than half the smallest, because thin structures lose opacity when
+    a step jumps over them. Where none is enough it returns the finest, with a `note`, and gives it as a warning unless `warn`
+    is false. An isosurface has no samples along rays: its distance is the smallest spacing and its error is 0 (inf dB).
 
     Raises ValueError for no cameras or a target that 8 bits cannot hold (above 58 dB).
     """
@@ -121,18 +139,15 @@ def choose_sample_distance(
         raise ValueError("choosing a sample distance needs at least one camera")
     field = _drawable(field)
     if isinstance(appearance, Isosurface):
-        return SampleDistance(min(field.spacing), math.inf, 0.0)
+        return SampleDistance(min(field.spacing), math.inf)
     target_decibels = numbers.decibels(target_decibels, "target_decibels")
-    views = spread(cameras, VIEWS)
-    smallest = min(field.spacing)
-    limit = 0.5 if max(field.spacing) > ANISOTROPIC * smallest else math.inf
-    fractions = [c for c in CANDIDATES if c <= limit]
-    measured = _first_enough(field, appearance, views, fractions, [target_decibels + MARGIN] * len(fractions))
+    views = [_small(camera, PIXELS) for camera in spread(cameras, VIEWS)]
+    measured = _largest(Errors(field, appearance, views), _candidates(field), target_decibels + MARGIN)
     measured = replace(measured, change=field.mean_change(appearance.transfer_function))
     if measured.decibels >= target_decibels + MARGIN:
         return measured
     note = (
-        f"no sample distance reaches {target_decibels} dB with 1 dB in hand: {measured.distance:g} gives "
+        f"no sample distance reaches {target_decibels} dB with {MARGIN:g} dB in hand: {measured.distance:g} gives "
         f"{measured.decibels:.1f} dB; the transfer function has features finer than the grid"
     )
     if warn:
@@ -148,24 +163,21 @@ def choose_for_ensemble(
 ) -> SampleDistance:
     """A sample distance for `field`, and for later fields on such a grid that show more of the transfer function.
 
-    As `choose_sample_distance`, without a warning.  Where the field shows next to nothing, such as one at rest, a second counts,
-    too: it sweeps the transfer function's whole range in 8 samples (`render.steepness`).
+    As `choose_sample_distance`, without a warning.  A field for which the coarsest distance is enough, such as one at rest,
+    shows next to nothing. Then a second field counts, too: it sweeps the transfer function's whole range in 8 samples
+    (`render.steepness`).
     """
     field = _drawable(field)
     chosen = choose_sample_distance(field, appearance, cameras, target_decibels, warn=False)
-    if isinstance(appearance, Isosurface):
+    if isinstance(appearance, Isosurface) or chosen.distance < _candidates(field)[0] * min(field.spacing):
         return chosen
     trial = swept(field.spacing, appearance.transfer_function)
     change = mean_change(trial, appearance.transfer_function)
-    if chosen.change >= TRIVIAL * change:
-        return chosen
     views = orbit(trial.center, trial.bounding_radius, width=CHECKED_PIXELS, height=CHECKED_PIXELS)
-    fractions = [c for c in CANDIDATES if c >= FINEST_SWEPT]
-    wanted = [target_decibels + MARGIN] * len(fractions)
-    tried = _first_enough(WholeField(trial), appearance, spread(views, CHECKED_VIEWS), fractions, wanted)
-    if tried.distance >= chosen.distance:
-        return replace(chosen, change=change)
-    return replace(tried, milliseconds=chosen.milliseconds * chosen.distance / tried.distance, change=change)
+    errors = Errors(WholeField(trial), appearance, spread(views, CHECKED_VIEWS))
+    fractions = [f for f in _candidates(field) if f >= FINEST_SWEPT]
+    tried = _largest(errors, fractions, target_decibels + MARGIN)
+    return replace(tried if tried.distance < chosen.distance else chosen, change=max(change, chosen.change))
 
 
 def checked_sample_distance(
@@ -177,56 +189,85 @@ def checked_sample_distance(
 ) -> SampleDistance:
     """`planned` (world units) where it gives `field` the target, else the largest finer distance that does, with a `note`.
 
-    By two of `cameras` at no more than 96 pixels: the cost of about eight images of 256².
+    By eight of `cameras` at no more than 48 pixels.
     """
-    field, views = _drawable(field), [_small(camera) for camera in spread(cameras, CHECKED_VIEWS)]
-    first = planned / min(field.spacing)
-    fractions = [first, *(c for c in CANDIDATES if c < first)]
-    wanted = [target_decibels, *[target_decibels + MARGIN] * (len(fractions) - 1)]
-    before: list[SampleDistance] = []
-    checked = _first_enough(field, appearance, views, fractions, wanted, before)
-    checked = replace(checked, change=field.mean_change(appearance.transfer_function))
-    if before[0].decibels >= target_decibels:
-        return checked
+    field, views = _drawable(field), [_small(camera, CHECKED_PIXELS) for camera in spread(cameras, CHECKED_VIEWS)]
+    errors, first = Errors(field, appearance, views), planned / min(field.spacing)
+    as_planned = replace(errors.of(first), change=field.mean_change(appearance.transfer_function))
+    finer = [f for f in CANDIDATES if f < first]
+    if as_planned.decibels >= target_decibels or not finer:
+        return as_planned
+    checked = replace(_largest(errors, finer, target_decibels + MARGIN), change=as_planned.change)
     return replace(
         checked,
-        note=f"{appearance.name}: the catalog's sample distance {planned:g} gives {before[0].decibels:.1f} dB of this member, "
+        note=f"{appearance.name}: the catalog's sample distance {planned:g} gives {as_planned.decibels:.1f} dB of this member, "
         f"whose field is harder than those that it was chosen on; {target_decibels:g} dB were asked for, so "
         f"{checked.distance:g} is taken, which gives {checked.decibels:.1f} dB",
     )
 
 
-def _first_enough(
-    field: Drawable,
-    appearance: VolumeRendering,
-    views: Sequence[Camera],
-    fractions: Sequence[float],
-    wanted: Sequence[float],
-    measured: list[SampleDistance] | None = None,
-) -> SampleDistance:
-    """The first of the distances, given in smallest spacings, that has the decibels wanted of it, else the last.
+class Errors:
+    """Errors of one field's pictures by the distance of samples, against pictures that are finer by `FINER`."""
 
-    All that were measured are added to `measured`.
+    def __init__(self, field: Drawable, appearance: VolumeRendering, views: Sequence[Camera]) -> None:
+        self._field, self._appearance, self._views = field, appearance, views
+        self._finest, self._reference = math.inf, np.empty(0)
+        self._measured: dict[float, SampleDistance] = {}
+
+    def of(self, fraction: float) -> SampleDistance:
+        """The distance of `fraction` smallest spacings, measured once."""
+        if fraction not in self._measured:
+            finest = min(REFERENCE, fraction / FINER)
+            if finest < self._finest * (1 - 1e-9):
+                self._finest, self._reference = finest, self._pictures(finest, float_output=True)
+            decibels = psnr(self._pictures(fraction, float_output=False) / 255.0, self._reference)
+            self._measured[fraction] = SampleDistance(fraction * min(self._field.spacing), decibels)
+        return self._measured[fraction]
+
+    def _pictures(self, fraction: float, *, float_output: bool) -> NDArray[Any]:
+        """All pixels of all pictures [P, 4]."""
+        distance = fraction * min(self._field.spacing)
+        pictures = self._field.pictures(self._appearance, self._views, distance, float_output=float_output)
+        return np.concatenate([picture.reshape(-1, 4) for picture in pictures])
+
+
+def _largest(errors: Errors, fractions: Sequence[float], wanted: float) -> SampleDistance:
+    """The first of `fractions`, from the largest on, whose pictures have the decibels wanted, else the last.
+
+    Between one that fails and one that does not it tries the one that the error's growth with the distance promises.
     """
+    fails, succeeds = -1, len(fractions)
+    number = min(range(len(fractions)), key=lambda n: abs(math.log(fractions[n] / FIRST)))
+    while True:
+        measured = errors.of(fractions[number])
+        if measured.decibels >= wanted:
+            succeeds = number
+        else:
+            fails = number
+        if succeeds - fails == 1:
+            return errors.of(fractions[min(succeeds, len(fractions) - 1)])
+        short = measured.decibels - wanted if math.isfinite(measured.decibels) else math.inf
+        promised = fractions[number] * 10.0 ** min(short / (10.0 * ORDER), 3.0)
+        following = next((n for n, fraction in enumerate(fractions) if fraction <= promised), len(fractions))
+        number = min(max(following, fails + 1), succeeds - 1)
+
+
+def _candidates(field: Drawable) -> list[float]:
+    """Distances to choose from, smallest spacings, the largest first."""
     smallest = min(field.spacing)
-    measured = [] if measured is None else measured
-    reference = _pictures(field, appearance, views, min(REFERENCE, fractions[0] / 4) * smallest, float_output=True)
-    for fraction, enough in zip(fractions, wanted, strict=True):
-        started = time.perf_counter()
-        pictures = _pictures(field, appearance, views, fraction * smallest)
-        milliseconds = 1e3 * (time.perf_counter() - started) / len(views)
-        measured.append(SampleDistance(fraction * smallest, psnr(pictures / 255.0, reference), milliseconds))
-        if measured[-1].decibels >= enough:
-            break
-    return measured[-1]
+    if max(field.spacing) > ANISOTROPIC * smallest:
+        return [c for c in CANDIDATES if c <= 0.5]
+    sides = [(n - 1) * spacing for n, spacing in zip(field.shape, reversed(field.spacing), strict=True)]
+    longest = max(FIRST, max(sides) / smallest / FEWEST_SAMPLES)
+    return [c for c in CANDIDATES if c <= longest]
 
 
 def _drawable(field: Grid | Drawable) -> Drawable:
     return WholeField(field) if isinstance(field, Grid) else field
 
 
-def _small(camera: Camera) -> Camera:
-    shrink = min(1.0, CHECKED_PIXELS / max(camera.width, camera.height))
+def _small(camera: Camera, pixels: int) -> Camera:
+    shrink = min(1.0, pixels / max(camera.width, camera.height))
     return camera.resized(max(1, round(shrink * camera.width)), max(1, round(shrink * camera.height)))
 
 
@@ -240,16 +281,3 @@ def psnr(image: NDArray[np.floating], reference: NDArray[np.floating]) -> float:
     """Peak signal-to-noise ratio in dB over all values of two equal-shaped arrays, peak 1; inf if they are equal."""
     error = float(np.mean((np.asarray(image, dtype=np.float64) - reference) ** 2))
     return math.inf if error == 0 else -10.0 * math.log10(error)
-
-
-def _pictures(
-    field: Drawable,
-    appearance: VolumeRendering,
-    cameras: Sequence[Camera],
-    distance: float,
-    *,
-    float_output: bool = False,
-) -> NDArray[np.floating]:
-    """All pixels of all pictures [P, 4]."""
-    pictures = field.pictures(appearance, cameras, distance, float_output=float_output)
-    return np.concatenate([picture.reshape(-1, 4) for picture in pictures])

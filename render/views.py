@@ -13,7 +13,7 @@ from catalogs.vocabulary.appearance import Appearance, Isosurface, VolumeRenderi
 from catalogs.vocabulary.cameras import Camera
 from catalogs.vocabulary.plugin_appearance import PluginAppearance
 from render.backends import backend_of
-from render.casting import cast_views
+from render.casting import cast_views, prepared
 from render.grids import Grid
 from render.isosurface import SUPERSAMPLING, box_average, surface_scene
 from render.placement import Placement
@@ -125,7 +125,7 @@ def render_views(
         return
     if backend_of(grid, appearance, backend) == "cpu":
         assert isinstance(appearance, VolumeRendering | Isosurface)
-        yield from cast_views(grid, appearance, cameras, sample_distance, float_output=float_output)
+        yield from cast_views(prepared(grid, appearance), cameras, sample_distance, float_output=float_output)
         return
     with Renderer(grid, appearance, sample_distance=sample_distance) as renderer:
         for camera in cameras:

@@ -282,6 +282,11 @@ class BlockField:
         """See `Drawable`."""
         return self.blocks.whole.spacing
 
+    @property
+    def shape(self) -> tuple[int, int, int]:
+        """See `Drawable`."""
+        return self.blocks.whole.shape
+
     def pictures(
         self, appearance: Appearance, cameras: Sequence[Camera], sample_distance: float | None, *, float_output: bool
     ) -> Iterator[NDArray[Any]]:

@@ -75,6 +75,10 @@ class VolumeCaster:
             self.bounds,
         )
 
+    def at(self, sample_distance: float | None) -> VolumeCaster:
+        """The same with samples so far apart, by default half the smallest spacing; raises ValueError as `of` does."""
+        return replace(self, sample_distance=checked_distance(self.field, sample_distance))
+
     def within(self, bounds: NDArray[np.float64]) -> VolumeCaster:
         """The same cut to places (2, 3) inside of the field; nothing is seen where they are equal along an axis."""
         return replace(self, bounds=bounds)

@@ -43,7 +43,7 @@ def test_a_difference_names_its_place_and_both_values() -> None:
 
 def test_a_plan_agrees_with_the_wishes_it_came_from_and_no_others() -> None:
     options = PlanOptions(SPACE, (VOLUME, Isosurface("iso", 4.0)), ViewPlan(frequency=2, width=32, height=32), BOX)
-    plan = plan_catalog(Pilot(BOX, {"": (0.0, 9.0)}, {"dvr": SampleDistance(0.1, 51.0, 1.0)}), options)
+    plan = plan_catalog(Pilot(BOX, {"": (0.0, 9.0)}, {"dvr": SampleDistance(0.1, 51.0)}), options)
     assert disagreements(plan, options) == []
     assert plan.provenance["value_range"] == [0.0, 4.0]
     assert plan.provenance["bounds_from"] == "given"

@@ -18,7 +18,7 @@ from tests.support.hooked import FUNCTION
 
 
 def step(distance: float, decibels: float) -> SampleDistance:
-    return SampleDistance(distance, decibels, milliseconds=1.0)
+    return SampleDistance(distance, decibels)
 
 
 def test_several_pilots_give_the_widest_box_and_the_finest_step() -> None:

@@ -57,7 +57,7 @@ pytestmark = [
 
 @pytest.fixture(scope="module")
 def program(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    source, path = PROJECT / "surrogate" / "kernels" / "src", tmp_path_factory.mktemp("neon") / "driver"
+    source, path = PROJECT / "native" / "kernels" / "src", tmp_path_factory.mktemp("neon") / "driver"
     files = [*(source / f"{name}.cpp" for name in SOURCES), Path(__file__).with_name("neon_driver.cpp")]
     subprocess.run([COMPILER, *FLAGS, f"-I{source}", *map(str, files), "-o", str(path), "-pthread"], check=True)
     return path

@@ -44,7 +44,7 @@ def test_the_peak_is_one_that_a_processor_can_have(instruction_set: str) -> None
 @pytest.mark.parametrize(("name", "terms"), [("forward_tile", FORWARD_TERMS), ("backward_tile", BACKWARD_TERMS)])
 def test_terms_follow_the_source(name: str, terms: dict[str, tuple[int, int]]) -> None:
     """Flops, and calls of min, comparisons and exp2, of the loop over blocks: a change there asks for a new count."""
-    source = (PROJECT / "surrogate" / "kernels" / "src" / "tiles.inc").read_text()
+    source = (PROJECT / "native" / "kernels" / "src" / "tiles.inc").read_text()
     body = source[source.index(f"static void {name}") :]
     body = re.sub(r"//.*", "", body[body.index("do {") : body.index("} while")])
     body = re.sub(r"(load|store)\(\w+ \+ (\d \* )?GS_WIDTH", r"\1(at", body)  # addresses
