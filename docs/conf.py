@@ -7,15 +7,19 @@ from __future__ import annotations
 
 import sys
 import tomllib
+from itertools import groupby
 from pathlib import Path
 from typing import Any
 
 from docutils import nodes
 from docutils.utils.math.latex2mathml import tex2mathml
 from sphinx.application import Sphinx
+from sphinx.util.docutils import SphinxDirective
 
 PROJECT = Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(PROJECT))
+
+from research.messages import messages  # noqa: E402
 
 project, author = "gs-surrogate", "The gs-surrogate developers"
 version = release = tomllib.loads((PROJECT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["version"]
@@ -44,6 +48,7 @@ templates_path = ["_templates"]
 autosummary_generate = True
 autodoc_typehints = "none"  # signatures have them
 numpydoc_show_class_members = False
+default_role = "literal"  # single backticks of docstrings
 
 # Gallery: only examples that changed are run again.
 sphinx_gallery_conf = {
@@ -62,6 +67,8 @@ sphinx_gallery_conf = {
 html_theme = "pydata_sphinx_theme"
 html_title = project
 html_show_sourcelink = False
+html_static_path = ["_static"]
+html_css_files = ["site.css"]
 html_theme_options = {
     "navbar_align": "left",
     "show_nav_level": 1,
@@ -80,7 +87,25 @@ def _write_math(translator: Any, node: nodes.Element, *, as_block: bool) -> None
     raise nodes.SkipNode
 
 
+class Messages(SphinxDirective):
+    """All errors and warnings of the packages, a section for each."""
+
+    def run(self) -> list[nodes.Node]:
+        sections = []
+        for package, group in groupby(messages(), key=lambda message: message.module.partition(".")[0]):
+            section = nodes.section("", nodes.title(text=package), ids=[f"messages-{package}"])
+            items = nodes.bullet_list()
+            for message in group:
+                line = nodes.paragraph("", "", nodes.literal(text=message.text))
+                line += nodes.Text(f" ({message.kind}, {message.module})")
+                items += nodes.list_item("", line)
+            section += items
+            sections.append(section)
+        return sections
+
+
 def setup(app: Sphinx) -> None:
+    app.add_directive("messages", Messages)
     app.add_html_math_renderer(
         "mathml",
         (lambda translator, node: _write_math(translator, node, as_block=False), None),
