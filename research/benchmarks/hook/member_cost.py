@@ -22,20 +22,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catalogs.store.coarse import CoarseField, coarse_bytes
-from catalogs.vocabulary.appearance import TransferFunction, VolumeRendering
 from catalogs.vocabulary.scene import ViewPlan
+from insitu.ensembles.estimate import SHEETS, waves
 from insitu.fields.member_fields import Fields
 from insitu.hook.session import Session
 from render.datasets import to_grid
 from research.benchmarks.page import command_line, table
 from research.benchmarks.timing import digits, processor_seconds
 
-LOOK = VolumeRendering(
-    "dvr",
-    TransferFunction(
-        ((-1.0, 0.1, 0.2, 0.9), (0.0, 0.9, 0.9, 0.9), (1.0, 0.9, 0.1, 0.0)), ((-1.0, 0.7), (0.0, 0.0), (1.0, 0.7)), 0.2
-    ),
-)
 DAY = 86400.0  # seconds
 
 
@@ -58,19 +52,11 @@ class CoarseCost:
     encoding: float
 
 
-def waves(size: int, phase: float) -> NDArray[np.float32]:
-    """A field (size, size, size) of sums of waves over a cube of side 2, fading outwards."""
-    z, y, x = np.meshgrid(*[np.linspace(-1.0, 1.0, size, dtype=np.float32)] * 3, indexing="ij")
-    body = np.sin(6 * x + phase) * np.cos(5 * y) + np.sin(4 * z - phase) * np.cos(7 * x)
-    field: NDArray[np.float32] = (body / 2 * np.exp(-2 * (x**2 + y**2 + z**2))).astype(np.float32)
-    return field
-
-
 def measure(size: int, pixels: int, members: int, folder: Path) -> Cost:
     """Medians over `members` members after a first one, which also plans the catalog."""
     views = ViewPlan(width=pixels, height=pixels)
     costs = []
-    with Session(folder, space={"phase": (0.0, 10.0)}, appearances=LOOK, views=views) as session:
+    with Session(folder, space={"phase": (0.0, 10.0)}, appearances=SHEETS, views=views) as session:
         for number in range(members + 1):
             field, results = waves(size, number), []
 

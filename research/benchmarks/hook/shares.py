@@ -2,7 +2,7 @@
 
     LP_NUM_THREADS=0 python -m research.benchmarks.hook.shares [--sizes 64,128,256] [--pixels 256,512] [--backends vtk,cpu]
 
-Draws few views of the field of `research.benchmarks.hook.member_cost` by each backend, in one thread, at the sample distance
+Draws few views of the field of `insitu estimate --samples` by each backend, in one thread, at the sample distance
 that a catalog chooses for 50 dB.  The member of 252 views is extrapolated from them: what is done once, and 252 times what a view
 takes.  Medians of processor milliseconds.
 """
@@ -27,13 +27,13 @@ from catalogs.store.coarse import coarse_bytes
 from catalogs.store.plan import CatalogPlan
 from catalogs.vocabulary.parameters import Parameter, ParameterSpace
 from catalogs.vocabulary.scene import ViewPlan
+from insitu.ensembles.estimate import SHEETS, waves
 from insitu.fields.member_fields import Fields, as_fields
 from insitu.members.planning import PlanOptions, measure_pilot, plan_catalog
 from render import casting
 from render.datasets import to_grid
 from render.quality import spread
 from render.window import Window
-from research.benchmarks.hook.member_cost import LOOK, waves
 from research.benchmarks.page import table
 from research.benchmarks.timing import digits, processor_seconds
 
@@ -68,14 +68,14 @@ def measure(size: int, pixels: int, backend: str) -> Shares:
     spacing, values = 2.0 / (size - 1), waves(size, 1.0)
     space = ParameterSpace((Parameter("phase", 0.0, 10.0),))
     views = ViewPlan(width=pixels, height=pixels)
-    options = PlanOptions(space, (LOOK,), views, backend=backend)
+    options = PlanOptions(space, (SHEETS,), views, backend=backend)
     grids = []
     take = processor_seconds(lambda: grids.append(to_grid(values, spacing=spacing, origin=(-1.0,) * 3)))
-    fields = as_fields(grids[0], (LOOK,))
+    fields = as_fields(grids[0], (SHEETS,))
     pilots = []
     pilot = processor_seconds(lambda: pilots.append(measure_pilot(fields, options)))
     plan = plan_catalog(pilots[0], options)
-    distance = plan.provenance["sample_distances"][LOOK.name]
+    distance = plan.provenance["sample_distances"][SHEETS.name]
     first, later, read_back, encode = pictures(fields, plan, distance, backend)
     summary = processor_seconds(lambda: fields.summaries([""], plan))
     coarse = processor_seconds(lambda: coarse_bytes(fields.coarse([""])))
@@ -89,7 +89,7 @@ def pictures(fields: Fields, plan: CatalogPlan, distance: float, backend: str) -
     drawing, encoding, read_backs = [], [], list[float]()
     cameras = spread(plan.cameras, VIEWS)
     with tempfile.TemporaryDirectory() as folder, read_back_of(backend, read_backs):
-        made = iter(fields.drawable(LOOK, backend).pictures(LOOK, cameras, distance, float_output=False))
+        made = iter(fields.drawable(SHEETS, backend).pictures(SHEETS, cameras, distance, float_output=False))
         for view in range(VIEWS):
             picture: list[NDArray[Any]] = []
             drawing.append(processor_seconds(lambda picture=picture: picture.append(next(made))))

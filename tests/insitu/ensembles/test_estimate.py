@@ -46,7 +46,7 @@ def test_images_and_fields_are_estimated(tmp_path: Path) -> None:
     assert (expected.sizes.views, expected.sizes.whole) == (sizes.views, sizes.whole) == (92, True)
     said = CliRunner().invoke(main, ["estimate", str(tmp_path / "flow.toml")])
     assert said.exit_code == 0, said.output
-    assert "3 members with 276 images, by 12 views of 1:" in said.output
+    assert "3 members with 276 images, extrapolated from 12 views of 1:" in said.output
     assert not list(tmp_path.glob("*.cdb"))
 
 
@@ -62,3 +62,23 @@ def test_what_is_not_rendered_is_not_estimated(tmp_path: Path) -> None:
     said = CliRunner().invoke(main, ["estimate", str(tmp_path / "other.toml")])
     assert said.exit_code == 1
     assert "nothing of it is rendered here" in said.output
+
+
+def test_time_and_bytes_of_a_member_are_those_of_all_shared_out() -> None:
+    expected = Estimate(100, 25_200, Sizes(100_000_000, 0, 252, False), 50.0, 300.0, (5, 12), 10.0, 3.0)
+    assert "a member: 1 MB, 3.6 s of one core (0.5 s for its field, 3 s for images, 0.1 s for the rest)" in str(
+        expected
+    )
+    assert "all: 6.05 minutes on one core, 36 s on 10; the first member takes 3 s" in expected.on(10)
+    assert "3.6 s on 500" in expected.on(500)  # no more cores than members have work
+
+
+def test_any_field_is_estimated_without_a_scene() -> None:
+    asked = ["estimate", "--samples", "16", "--size", "24", "--frequency", "2", "--members", "10", "--cores", "2"]
+    said = CliRunner().invoke(main, asked)
+    assert said.exit_code == 0, said.output
+    assert "10 members with 420 images, extrapolated from 12 views of 2:" in said.output
+    assert "on one core" in said.output
+    for wrong in (["estimate"], ["estimate", "--samples", "16", "scene.toml"]):
+        refused = CliRunner().invoke(main, wrong)
+        assert refused.exit_code != 0
