@@ -22,7 +22,7 @@ from native.threads import cores as available_cores
 from surrogate.settings import TrainingSettings
 from surrogate.splatting.cuda import chosen_device
 from surrogate.training.content import changing_share, roughness, sampled, visible_pixels
-from surrogate.training.data import ImageRow, training_rows, validation_rows
+from surrogate.training.data import ImageRow, fitting_in_memory, training_rows, validation_rows
 from surrogate.training.pace import Clock, Pace, measure_pace
 from surrogate.training.ranks import ALONE, Ranks
 from surrogate.training.source import Source
@@ -186,24 +186,28 @@ def _in_time(
 ) -> tuple[TrainingSettings, dict[str, Any]]:
     rows = _rows(source)
     images, worth = sum(map(len, rows)), _worth(source, rows[0])
+    in_memory = sum(fitting_in_memory(source.catalog, of) for of in rows)
     choosing = source.settings.fit_to_need and bool(validation_rows(source.catalog, [source.appearance], 1))
     table = {"gaussians": _stated_size(source, rows[0], worth, seconds / len(rows)), **table}
     tried = TrainingSettings.from_table({**_design(source, worth), **table})
     slowest = Source(_slowest(tried, source.target), source.catalog, source.ranks)
     pace = measure_pace(slowest, rows, elapsed, min(MOST_MEASURED, MEASURED_SHARE * seconds) / len(rows))
-    left = seconds - source.ranks.agreed(elapsed()) - SPARE - pace.load * images
+    left = seconds - source.ranks.agreed(elapsed()) - SPARE - pace.load * in_memory
     compressing = choosing and PICTURES * pace.draw <= LARGEST_SHARE * left
     overhead = COMPRESSION * compressing + COLOR_PROBES * (tried.color_degree == "auto")
-    steps = int((left - PICTURES * pace.draw * compressing) / (pace.mean_step * (1.0 + overhead / len(rows))))
+    step = pace.mean_step + pace.load * (1.0 - in_memory / images)
+    steps = int((left - PICTURES * pace.draw * compressing) / (step * (1.0 + overhead / len(rows))))
     if steps < FEWEST_STEPS * len(rows):
-        raise ValueError(_too_short(seconds, seconds - left - SPARE - pace.load * images, images, len(rows), pace))
+        raise ValueError(
+            _too_short(seconds, seconds - left - SPARE - pace.load * in_memory, in_memory, len(rows), pace)
+        )
     choices = table if compressing or not choosing else {"fit_to_need": False, **table}
     return _sized(choices, source, worth, steps), {
         "gaussians": tried.gaussians,
         "steps": steps,
-        "milliseconds_per_step": round(1e3 * pace.mean_step, 2),
+        "milliseconds_per_step": round(1e3 * step, 2),
         "images": images,
-        "seconds_to_load": round(pace.load * images, 1),
+        "seconds_to_load": round(pace.load * in_memory, 1),
         "compressed": compressing,
     }
 

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import functools
 import os
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
+from itertools import accumulate, takewhile
 from typing import NamedTuple
 
 import numpy as np
@@ -21,6 +22,8 @@ from catalogs.vocabulary.variations import Variation, VariationSetting
 from surrogate.gaussians import Normalization
 from surrogate.training.ranks import ALONE, Ranks
 from surrogate.training.value_loss import KnownValues
+
+MEMORY = 2 << 30  # bytes of decoded images; what exceeds them is read from the catalog whenever it is used
 
 
 class ImageRow(NamedTuple):
@@ -45,14 +48,29 @@ class Example:
     camera : in normalized coordinates.
     parameters : (P,) float32, normalized to [-1, 1] over their bounds; followed by the visualization parameters (V,) of
         `Variation.normalize` in training of those.
-    pixels : (H, W, 4) uint8 premultiplied RGBA, or (H, W, 3) uint8 RGB where the catalog's images are opaque.
+    image : (H, W, 4) uint8 premultiplied RGBA, or (H, W, 3) uint8 RGB where the catalog's images are opaque; or a function that
+        reads it.
     member : the name of the member that it shows.
     """
 
     camera: Camera
     parameters: Tensor  # [P] or [P + V]
-    pixels: NDArray[np.uint8]  # [H, W, 3 or 4]
+    image: NDArray[np.uint8] | Callable[[], NDArray[np.uint8]]  # [H, W, 3 or 4]
     member: str = ""
+
+    @property
+    def in_memory(self) -> bool:
+        """False where the image is read whenever it is used."""
+        return isinstance(self.image, np.ndarray)
+
+    @property
+    def pixels(self) -> NDArray[np.uint8]:
+        """The image, (H, W, 3 or 4) uint8."""
+        return self.image if isinstance(self.image, np.ndarray) else self.image()
+
+    def read(self) -> Example:
+        """The same with its image in memory."""
+        return self if self.in_memory else replace(self, image=self.pixels)
 
     def compared(self) -> NDArray[np.uint8]:
         """The target of a drawn picture: opaque pixels as they are, (H, W, 3), others over white, (H, W, 4).
@@ -136,7 +154,7 @@ def load_examples(
     variation: Variation | None = None,
     space: ParameterSpace | None = None,
 ) -> list[Example]:
-    """The images of `wanted` rows, decoded in parallel, (len(wanted)) examples in order.
+    """Some images, (len(images)) examples in order: as many as `MEMORY` holds decoded in parallel, the others read when used.
 
     Their parameters are the simulation's, on the scales of `space`, by default the catalog's, followed by the visualization
     parameters of `variation` where one is given.
@@ -145,17 +163,26 @@ def load_examples(
     scales = space or catalog.plan.space
     parameters = {name: normalized_parameters(scales, row, variation) for name, row in names.items()}
     camera = functools.cache(normalization.camera)  # most are shared
+    examples = [
+        Example(
+            camera(row.member.cameras[row.view]),
+            parameters[row.member.name, row.appearance],
+            functools.partial(_pixels, catalog, row),
+            row.member.name,
+        )
+        for row in images
+    ]
+    fitting = fitting_in_memory(catalog, images)
     with ThreadPoolExecutor(os.cpu_count()) as pool:
-        pixels = pool.map(lambda row: _pixels(catalog, row), images)
-        return [
-            Example(
-                camera(row.member.cameras[row.view]),
-                parameters[row.member.name, row.appearance],
-                image,
-                row.member.name,
-            )
-            for row, image in zip(images, pixels, strict=True)
-        ]
+        return [*pool.map(Example.read, examples[:fitting]), *examples[fitting:]]
+
+
+def fitting_in_memory(catalog: Catalog, images: Sequence[ImageRow]) -> int:
+    """The number of images, from the first on, whose pixels `MEMORY` holds."""
+    channels = 4 if catalog.plan.background is None else 3
+    cameras = (row.member.cameras[row.view] for row in images)
+    sizes = accumulate(camera.width * camera.height * channels for camera in cameras)
+    return sum(1 for _ in takewhile(lambda size: size <= MEMORY, sizes))
 
 
 def foreground_color(examples: Iterable[Example], background: Sequence[float] | None) -> NDArray[np.float64]:

@@ -21,8 +21,8 @@ from surrogate.training.losses import image_loss
 from surrogate.training.optimizer import Adam
 from surrogate.training.ranks import ALONE, Ranks
 from surrogate.training.relocation import PEAK_DECAY, STOP, plan_relocation, relocate
-from surrogate.training.sampling import ShuffledEpochs
 from surrogate.training.stages import Stage, decay
+from surrogate.training.step_images import StepImages
 from surrogate.training.value_loss import INTERVAL
 
 LARGEST_SCALE = 1e4  # in half boxes: deformations that ran away passed it while all numbers were finite
@@ -67,7 +67,7 @@ class StageRun:
         first = next(iter(stage.tensors.values()))
         count = len(stage.tensors["means"]) if stage.per_gaussian else 0
         self._peaks = first.new_zeros(count, requires_grad=False)  # [N], decayed maximum of the deformed opacities
-        self._order = ShuffledEpochs(len(data.examples), settings.seed)
+        self._images = StepImages(data.examples, settings.seed, settings.batch, data.ranks.share(settings.batch))
         self._rasterizer = Rasterizer.of(settings)
         self._background = WHITE if data.background is None else data.background
         if memory is not None:
@@ -80,12 +80,11 @@ class StageRun:
         `pause` asks all processes for a pause after it.  Raises ValueError where training has diverged.
         """
         batch, ranks = self.settings.batch, self.data.ranks
-        items = [self._order[self.step * batch + place] for place in range(batch)]
         step = _Step.begin(batch, pause)
         failure: Exception | None = None
         try:
             for place in ranks.share(batch):
-                self._learn(items[place], place, step)
+                self._learn(place, step)
         except Exception as error:  # which the others would else wait for
             if ranks.count == 1:
                 raise
@@ -106,9 +105,9 @@ class StageRun:
             raise self._diverged(f"the loss is {value}")
         return value
 
-    def _learn(self, item: int, place: int, step: _Step) -> None:
+    def _learn(self, place: int, step: _Step) -> None:
         """Add to the gradients, and to what the step knows, what one image of it says: that at `place` in the batch."""
-        settings, example = self.settings, self.data.examples[item]
+        settings, example = self.settings, self._images.next(self.step, place)
         carriers = self.stage.carried_at(example.parameters)
         gaussians = carriers.drawn(self.stage.function_at(example.parameters))
         picture = self._render(gaussians, example)  # [H, W, 4]
@@ -147,7 +146,7 @@ class StageRun:
         A tensor, or a Gaussian of the next picture, is not finite; one that is seen is huge; or none is seen, where the picture
         is not faint.
         """
-        example = self.data.examples[self._order[self.step * self.settings.batch]]
+        example = self._images.at(self.step, 0)
         with torch.no_grad():
             gaussians = self.stage.gaussians_at(example.parameters)
         tensors, floor = as_drawn(gaussians), self._rasterizer.constants.alpha_floor
