@@ -5,7 +5,7 @@
 A share of the training members comes later: a run learns the others, and `surrogate train RUN --new-members` takes them
 in. Runs from the start learn all members, in as many steps as the first run had, and in as many as growing took. Each is
 scored on the catalog's test members. Runs are in RUNS/growth; what is finished is not trained again. Prints Markdown;
-`--write` puts it into docs/runs.md.
+`--write` puts it into docs/results/training.md.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from pathlib import Path
 
 from catalogs.store.catalog import Catalog
 from catalogs.store.splits import Splits
-from research.benchmarks.page import DOCS, command_line, made_by, publish, stopwatch, table
+from research.benchmarks.page import RESULTS, command_line, made_by, publish, stopwatch, table
 from research.studies.repeats.run import score_model
 from surrogate.evaluation.tables import number
 from surrogate.model import Surrogate
@@ -30,7 +30,7 @@ from surrogate.storage.runs import RunFolder, seen_by_run
 from surrogate.training.begin import TrainingOptions, begin
 from surrogate.training.budget import Budget
 
-PAGE, PART, FOLDER = DOCS / "runs.md", "growth", "growth"
+PAGE, PART, FOLDER = RESULTS / "training.md", "growth", "growth"
 HEADER = ("run", "members", "steps", "processor seconds", "Gaussians, dB", "emulated field, dB")
 
 
@@ -132,7 +132,7 @@ def main() -> None:
     parser.add_argument("--steps", type=int, default=4_000)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--runs", type=Path, default=Path("runs"))
-    parser.add_argument("--write", action="store_true", help="into docs/runs.md")
+    parser.add_argument("--write", action="store_true", help="into docs/results/training.md")
     given, rows = parser.parse_args(), list[list[str]]()
     try:
         catalog = Catalog.open(given.catalog)
