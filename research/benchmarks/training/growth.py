@@ -36,7 +36,7 @@ HEADER = ("run", "members", "steps", "processor seconds", "Gaussians, dB", "emul
 
 @dataclass(frozen=True)
 class Growth:
-    """One comparison: a share of the training members of a catalog comes later, and runs have so many steps."""
+    """One comparison: a share of a catalog's training members comes later; runs have a number of `steps`."""
 
     catalog: Catalog
     folder: Path
