@@ -96,6 +96,19 @@ def test_the_readme_is_short_and_says_nothing_of_a_commit() -> None:
     assert re.findall(r"±|\bcommit\b|\b[0-9a-f]{7,12}\b|AMD|EPYC|Intel|Xeon", text) == []
 
 
+def test_every_page_is_three_clicks_from_the_readme() -> None:
+    clicks, rest = {DOCUMENTS[0]: 0}, [DOCUMENTS[0]]
+    for page in rest:
+        linked = [unquote(link.split("#")[0]) for link in LINK.findall(page.read_text()) if "://" not in link]
+        for target in ((page.parent / link).resolve() for link in linked if link.endswith(".md")):
+            if target not in clicks:
+                clicks[target] = clicks[page] + 1
+                rest.append(target)
+    home = PROJECT / "docs" / "index.md"  # of the site, which README links around
+    pages = [path for path in DOCUMENTS if path.is_relative_to(PROJECT / "docs") and path.suffix == ".md"]
+    assert [str(page) for page in pages if page != home and clicks.get(page, 4) > 3] == []
+
+
 def test_pages_outside_results_stay_few() -> None:
     """At most half of what all pages had before there were parts."""
     pages = [path for path in DOCUMENTS if path.suffix == ".md" and (PROJECT / "docs") in path.parents]
