@@ -28,6 +28,7 @@ from insitu.commands.shell import command, engine_at, fail_on, how_to_run
 @shell.WORKERS
 @shell.SHARD
 @shell.ENGINE
+@shell.BACKEND
 @shell.NO_COARSE_FIELD
 @shell.ADD_COARSE_FIELDS
 def ensemble(
@@ -43,6 +44,7 @@ def ensemble(
     workers: int | None,
     shard: str | None,
     engine: str | None,
+    backend: str | None,
     no_coarse_field: bool,
     add_coarse_fields: bool,
     **reading: Any,
@@ -83,7 +85,8 @@ def ensemble(
             click.echo("\n".join(suggestion.toml() for suggestion in suggestions))
             looks = replace(looks, appearances=tuple(suggestion.appearance for suggestion in suggestions))
         plan, how = looks.options(source.space, options), {**how, "nan": nan}
-        plan = replace(plan, coarse_field=plan.coarse_field and not no_coarse_field)
+        coarse_field = plan.coarse_field and not no_coarse_field
+        plan = replace(plan, coarse_field=coarse_field, backend=backend or plan.backend)
         with engine_at(line, engine, workers, catalog) as where:
             if add_coarse_fields:
                 result = coarse.add_coarse_fields(catalog, members, source, plan, **how, **where)

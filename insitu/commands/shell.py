@@ -49,6 +49,11 @@ ADD_COARSE_FIELDS = click.option(
     is_flag=True,
     help="Give stored members that lack them fields of 64³ samples; render nothing.",
 )
+BACKEND = click.option(
+    "--backend",
+    type=click.Choice(["auto", "vtk", "cpu"]),
+    help="What draws: VTK, or our own ray caster, which needs no OpenGL.  [default: cpu for volumes, vtk for isosurfaces]",
+)
 DECIBELS = click.option("--target-decibels", type=float, help="PSNR that volume rendering must reach.  [default: 50]")
 
 

@@ -49,6 +49,7 @@ SECONDS = click.FloatRange(min=0)
 @shell.EXISTING
 @shell.NAN
 @shell.WORKERS
+@shell.BACKEND
 @shell.NO_COARSE_FIELD
 def watch(
     folder: Path,
@@ -65,6 +66,7 @@ def watch(
     until_idle: float | None,
     existing: Any,
     workers: int | None,
+    backend: str | None,
     no_coarse_field: bool,
     **reading: Any,
 ) -> None:
@@ -101,7 +103,8 @@ def watch(
         options = options.as_in(looks.catalog.plan if looks.catalog else None)
         options = replace(options, arrays=options.arrays or tuple(filter(None, shown_fields(appearances))))
         plan, nan = looks.options(space, options), options.nan or "refuse"
-        plan = replace(plan, coarse_field=plan.coarse_field and not no_coarse_field)
+        coarse_field = plan.coarse_field and not no_coarse_field
+        plan = replace(plan, coarse_field=coarse_field, backend=backend or plan.backend)
         if pattern is None:
             _follow(line, folder, catalog, plan, options, until_idle, existing, nan)
             return

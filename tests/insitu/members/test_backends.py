@@ -8,13 +8,20 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from click.testing import CliRunner
 
 import insitu
 from catalogs.files.images import read_image
 from catalogs.store.description import accept_description
 from catalogs.vocabulary.appearance import Isosurface
+from insitu.cli import main
 from tests.support.hooked import VOLUME, blob, render
+from tests.support.looks import LOOK
 
+SCENE = (
+    'name = "a"\n[source]\nkind = "loop"\n[[parameters]]\nname = "Re"\nlow = 0\nhigh = 4\n'
+    '[views]\nfrequency = 1\nwidth = 16\nheight = 16\n[render]\nbackend = "vtk"\n' + LOOK
+)
 LOOKS = (VOLUME, Isosurface("iso", 0.5))
 
 
@@ -61,3 +68,16 @@ def test_another_word_is_refused(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match=r"backend must be one of .* got 'gpu'"):
         render(tmp_path / "a.cdb", backend="gpu")
     assert not (tmp_path / "a.cdb").exists()
+
+
+@pytest.mark.slow
+def test_commands_and_scenes_choose_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    np.save("m1.npy", blob())
+    Path("all.csv").write_text("path,Re\nm1.npy,1\n")
+    Path("scene.toml").write_text(SCENE)
+    for more, backend in (((), "vtk"), (("--backend", "cpu"), "cpu")):
+        asked = ["ensemble", "all.csv", "--catalog", f"{backend}.cdb", "--scene", "scene.toml", "--spacing", *"111"]
+        done = CliRunner().invoke(main, [*asked, "--bounds", "Re", "0", "4", "--workers", "1", *more])
+        assert done.exit_code == 0, done.output
+        assert insitu.Catalog.open(f"{backend}.cdb").plan.provenance["backends"] == {"dvr": backend}
