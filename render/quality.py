@@ -22,12 +22,10 @@ from render.views import render_views
 
 COARSE = (64.0, 48.0, 40.0, 32.0, 24.0, 20.0, 16.0, 12.0, 10.0, 8.0, 6.0, 5.0, 4.0, 3.0, 2.5, 2.0)  # smallest spacings
 CANDIDATES = (*COARSE, 1.5, 1.25, 1.0, 0.9, 0.8, 0.7, 0.6, 0.5, 0.4, 0.3, 0.25, 0.2, 0.15, 0.125, 0.1)
-FIRST = 1.5  # of them that is measured
+FIRST = 6.0  # of them that is measured
 FEWEST_SAMPLES = 4  # along the longest side of the box, at the coarsest
-REFERENCE, FINER = (
-    0.25,
-    6.0,
-)  # of a reference's samples: the spacings between them, at most, and how much finer they are
+REFERENCE = 1.0  # spacings between samples of a reference, at most
+FINER = 6.0  # times as many samples as what is measured against it
 ORDER = 4  # the squared error grows with this power of the distance where it is small
 MARGIN = 1.5  # dB kept in hand for views and members that were not measured
 ANISOTROPIC = 2.0  # largest over smallest spacing beyond which samples stay within half the smallest
@@ -106,7 +104,7 @@ class SampleDistance:
     ----------
     distance : world units between samples along a ray.
     decibels : peak signal-to-noise ratio of the 8-bit pictures (premultiplied RGBA, peak 1, all pixels pooled).  The reference
-        has samples at a sixth of the distance, and at most a quarter of the smallest spacing.
+        has samples at a sixth of the distance, and at most the smallest spacing.
     note : what the user should know: that it misses the target.
     change : how much the measured field changes from sample to sample as the transfer function shows it (`mean_change`).
     """
@@ -258,7 +256,7 @@ def _candidates(field: Drawable) -> list[float]:
     if max(field.spacing) > ANISOTROPIC * smallest:
         return [c for c in CANDIDATES if c <= 0.5]
     sides = [(n - 1) * spacing for n, spacing in zip(field.shape, reversed(field.spacing), strict=True)]
-    longest = max(FIRST, max(sides) / smallest / FEWEST_SAMPLES)
+    longest = max(1.5, max(sides) / smallest / FEWEST_SAMPLES)
     return [c for c in CANDIDATES if c <= longest]
 
 
