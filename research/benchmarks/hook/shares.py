@@ -1,10 +1,11 @@
 """Shares of the processor time of one member: drawing, reading back, encoding, summaries, coarse field, the first member's pilot.
 
     LP_NUM_THREADS=0 python -m research.benchmarks.hook.shares [--sizes 64,128,256] [--pixels 256,512] [--backends vtk,cpu]
+        [--step 0.5] [--lit]
 
-Draws few views of the field of `insitu estimate --samples` by each backend, in one thread, at the sample distance
-that a catalog chooses for 50 dB.  The member of 252 views is extrapolated from them: what is done once, and 252 times what a view
-takes.  Medians of processor milliseconds.
+Draws few views of the field of `insitu estimate --samples` by each backend, in one thread, and with light on request.  Samples
+along rays are --step spacings apart, by default as a catalog chooses for 50 dB.  The member of 252 views is extrapolated from
+them: what is done once, and 252 times what a view takes.  Medians of processor milliseconds.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ import statistics
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -63,19 +64,20 @@ class Shares:
         return MEMBER_VIEWS * self.view + self.take + self.prepare + self.summary + self.coarse
 
 
-def measure(size: int, pixels: int, backend: str) -> Shares:
+def measure(size: int, pixels: int, backend: str, step: float | None, lit: bool) -> Shares:
     """Of one field, drawn by one backend."""
     spacing, values = 2.0 / (size - 1), waves(size, 1.0)
     space = ParameterSpace((Parameter("phase", 0.0, 10.0),))
     views = ViewPlan(width=pixels, height=pixels)
-    options = PlanOptions(space, (SHEETS,), views, backend=backend)
+    look = replace(SHEETS, shaded=lit)
+    options = PlanOptions(space, (look,), views, backend=backend, sample_distance=step and step * spacing)
     grids = []
     take = processor_seconds(lambda: grids.append(to_grid(values, spacing=spacing, origin=(-1.0,) * 3)))
-    fields = as_fields(grids[0], (SHEETS,))
+    fields = as_fields(grids[0], (look,))
     pilots = []
     pilot = processor_seconds(lambda: pilots.append(measure_pilot(fields, options)))
     plan = plan_catalog(pilots[0], options)
-    distance = plan.provenance["sample_distances"][SHEETS.name]
+    distance = plan.provenance["sample_distances"][look.name]
     first, later, read_back, encode = pictures(fields, plan, distance, backend)
     summary = processor_seconds(lambda: fields.summaries([""], plan))
     coarse = processor_seconds(lambda: coarse_bytes(fields.coarse([""])))
@@ -89,7 +91,8 @@ def pictures(fields: Fields, plan: CatalogPlan, distance: float, backend: str) -
     drawing, encoding, read_backs = [], [], list[float]()
     cameras = spread(plan.cameras, VIEWS)
     with tempfile.TemporaryDirectory() as folder, read_back_of(backend, read_backs):
-        made = iter(fields.drawable(SHEETS, backend).pictures(SHEETS, cameras, distance, float_output=False))
+        (look,) = plan.appearances
+        made = iter(fields.drawable(look, backend).pictures(look, cameras, distance, float_output=False))
         for view in range(VIEWS):
             picture: list[NDArray[Any]] = []
             drawing.append(processor_seconds(lambda picture=picture: picture.append(next(made))))
@@ -141,12 +144,14 @@ def whole_numbers(_: click.Context, __: click.Parameter, text: str) -> list[int]
 @click.option("--sizes", default="64,128,256", callback=whole_numbers, help="Samples along each axis.")
 @click.option("--pixels", default="256,512", callback=whole_numbers, help="Of a picture's side.")
 @click.option("--backends", default="vtk,cpu")
-def main(sizes: Sequence[int], pixels: Sequence[int], backends: str) -> None:
+@click.option("--step", type=float, help="Smallest spacings between samples.")
+@click.option("--lit", is_flag=True, help="With shading.")
+def main(sizes: Sequence[int], pixels: Sequence[int], backends: str, step: float | None, lit: bool) -> None:
     os.environ["LP_NUM_THREADS"] = "0"
     columns = ["field", "pictures", "backend", "step, spacings", "draw, ms a view", "read back", "encode", "view"]
     columns += ["take and prepare, ms", "summary", "coarse", "pilot", "252 views", "drawing", "pilot, members"]
     rows = [
-        row(size, side, backend, measure(size, side, backend))
+        row(size, side, backend, measure(size, side, backend, step, lit))
         for size in sizes
         for side in pixels
         for backend in backends.split(",")
