@@ -1,6 +1,6 @@
 """Draw the training members of a catalog at their positions over its two parameters, each as one of its images.
 
-    python -m research.benchmarks.training.members [runs/tgv/catalog.cdb] [--view 30] [-o docs/tgv.png]
+    python -m research.benchmarks.training.members [runs/tgv/catalog.cdb] [--view 30] [-o docs/results/tgv.png]
 
 Shows the variation of an ensemble and the distribution of its members. Takes seconds; only reads the catalog.
 """
