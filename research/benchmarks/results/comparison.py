@@ -46,8 +46,8 @@ TERMS = """\
   networks have rows beside the paper's field, which learns functions and isovalues as further parameters. That for functions
   first learns the images of the base as the paper's field does, in 80,000 of its 180,000 published steps, within its time here.
   Then all of that is frozen, and opacities and colours alone follow the function. It learns each function but the base from a
-  fifth of the members: two of ten. That for isosurfaces gives the isovalue an encoder of its own, changes all of the Gaussians,
-  and is published with 150,000 steps instead of 80,000.
+  fifth of the members, two of ten; all others learn from the three that show functions. That for isosurfaces gives the isovalue
+  an encoder of its own, changes all of the Gaussians, and is published with 150,000 steps instead of 80,000.
 - **Starved** is a method that made a few per cent of its published steps (*of the published*). Its row shows what it reaches
   in that time on a processor, not what it can do on a GPU. Every schedule is stretched or compressed to the steps that fit.
 - **Sizes.** Images with more than 128 pixels a side are averaged down to that, for all methods; they are too small for
@@ -61,15 +61,15 @@ TERMS = """\
 - **Images side by side** are of seed 0. Earlier versions did not store them with the records. Some are of a repeated training
   with the steps, rate and seed of its record, by a script outside this repository. It was within 0.14 dB of its records,
   except that InSituNet in `nyx` was 0.5 dB better after five minutes. A line below names lost images.
-- **Rates** of published methods are multiplied by the factor that did best in five trainings of a minute, on one scene, at
-  validation images. Ours are not tuned. The best factor there may not be the best elsewhere: images of `nyx` and `tgv-iso` by
-  ViSNeRF are grey after five minutes. At its published rates ViSNeRF then reaches 22.1 dB in the last cell of `nyx`, at those
-  chosen on `cloverleaf` 18.9. After thirty it reaches 27.0 (4,630 steps), at the chosen ones 23.6 (3,994). 4DGS-HD at its
-  published rates reaches 32.6 dB in the last cell of `tgv` after thirty minutes (8,709 steps). At 0.3 of them, which did best on
-  `cloverleaf`, it reaches 31.5 (7,154). The trainings of thirty minutes at published rates ran on another machine, which made
-  more steps, so not all of this need be due to the rates. The tables have the chosen ones; in both scenes another published
-  method stays the best one. Published rates are those of
-  `python -m research.studies compare scenes/SCENE.toml --methods NAME --minutes M` with an empty folder of `--records`. (Those of
+- **Rates** of published methods are multiplied by the factor that did best in five trainings of a minute, at validation images
+  of one scene. That is `cloverleaf`, or the only scene that a network is made for. Ours are not tuned. The best factor there
+  may not be the best elsewhere: images of `nyx` and `tgv-iso` by ViSNeRF are grey after five minutes. At its published rates
+  ViSNeRF then reaches 22.1 dB in the last cell of `nyx`, at those chosen on `cloverleaf` 18.9. After thirty it reaches 27.0
+  (4,630 steps), at the chosen ones 23.6 (3,994). 4DGS-HD at its published rates reaches 32.6 dB in the last cell of `tgv` after
+  thirty minutes (8,709 steps). At 0.3 of them, which did best on `cloverleaf`, it reaches 31.5 (7,154). The trainings of thirty
+  minutes at published rates ran on another machine, which made more steps, so not all of this need be due to the rates. The
+  tables have the chosen ones; in both scenes another published method stays the best one. Published rates are those of `python
+  -m research.studies compare scenes/SCENE.toml --methods NAME --minutes M` with an empty folder of `--records`. (Those of
   thirty minutes: commit `f0395b618d62`, AMD EPYC (avx512), 1 core, seed 0.)
 - **Divergence.** If a longer training diverges at its rates, it is repeated at the next lower ones. Of two half hours of
   K-Planes on `cloverleaf` at the same rates one diverged (commit `c6130f237be2`) and the other did not: the table has that.
@@ -198,10 +198,11 @@ def _made(results: Sequence[ComparisonResult]) -> str:
 def _tuned(tunings: Sequence[tuning.Tuning]) -> list[str]:
     if not tunings:
         return []
-    header = ("method", "size", "precision", *(f"{rate:g}" for rate in tuning.RATES))
+    header = ("method", "scene", "size", "precision", *(f"{rate:g}" for rate in tuning.RATES))
     rows = [
         [
             CONTESTANTS[t.method].title,
+            f"`{t.scene}`",
             t.size,
             t.precision,
             *(number(t.decibels.get(f"{rate:g}")) for rate in tuning.RATES),
@@ -209,9 +210,8 @@ def _tuned(tunings: Sequence[tuning.Tuning]) -> list[str]:
         for t in tunings
         if t.method in CONTESTANTS
     ]
-    scenes = ", ".join(f"`{scene}`" for scene in dict.fromkeys(t.scene for t in tunings))
     note = (
-        f"PSNR (dB) of validation images of {scenes} after a minute, by what the published rates are multiplied by; "
+        "PSNR (dB) of the scene's validation images after a minute, by what the published rates are multiplied by; "
         f"{NOTHING} where it diverged."
     )
     return ["## Rates", note, table(header, rows)]

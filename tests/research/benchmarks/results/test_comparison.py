@@ -32,7 +32,7 @@ def records(tmp_path: Path) -> Path:
 def test_every_scene_has_a_section_and_rates_stand_below(records: Path) -> None:
     text = page(records, ["one", "two"], [])
     assert text.index("## `one`") < text.index("| ViSNeRF | 30.00") < text.index("## `two`") < text.index("## Rates")
-    assert "| ViSNeRF | small | float32 | 12.25 | – | 14.50 | – | – |" in text
+    assert "| ViSNeRF | `one` | small | float32 | 12.25 | – | 14.50 | – | – |" in text
     assert "![" not in text
 
 
