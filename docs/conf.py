@@ -54,7 +54,9 @@ default_role = "literal"  # single backticks of docstrings
 sphinx_gallery_conf = {
     "examples_dirs": "../examples/gallery",
     "gallery_dirs": "gallery",
-    "filename_pattern": r"\.py$",
+    "filename_pattern": "/plot_",
+    "ignore_pattern": r"blobs\.py",  # what they share
+    "capture_repr": ("_repr_html_",),  # pages, and not what a drawing function returns
     "abort_on_example_error": True,
     "download_all_examples": False,
     "show_signature": False,
