@@ -31,7 +31,8 @@ def simulate(separation: float, width: float) -> np.ndarray:
 @cache
 def make_run() -> Path:
     """The folder of the run: a catalog of 20 members, and what `surrogate train blobs.cdb --model field` makes of it."""
-    folder = Path(tempfile.mkdtemp())
+    folder = Path(tempfile.mkdtemp()) / "blobs"  # its name is the title of pages
+    folder.mkdir()
     plan = {
         "space": {"separation": (0.6, 1.0), "width": (0.2, 0.4)},
         "appearances": APPEARANCE,

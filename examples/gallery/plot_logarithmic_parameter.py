@@ -26,7 +26,7 @@ place = {"spacing": (2 / 23,) * 3, "origin": (-1,) * 3}
 with insitu.Session(path, space=space, appearances=heat, views=views) as session:
     for value in np.geomspace(1e-3, 1e-1, 8):
         session.render_member(np.exp(-squares / (0.1 + 4 * value)), {"diffusivity": value}, **place)
-catalog, model, page = insitu.Catalog.open(path), path.with_name("surrogate"), path.with_name("heat.html")
+catalog, model, page = insitu.Catalog.open(path), path.with_name("heat"), path.with_name("heat.html")
 surrogate = train(TrainingSettings(), catalog, model, only_field=True)
 figure, axes = plt.subplots(1, 3, figsize=(7, 2.6))
 for axis, value in zip(axes, (2e-3, 2e-2, 9e-2), strict=True):
@@ -34,6 +34,6 @@ for axis, value in zip(axes, (2e-3, 2e-2, 9e-2), strict=True):
     axis.set(title=f"{value:g} m²/s", xticks=(), yticks=())
 
 # %%
-# In a shell: ``surrogate export surrogate -o heat.html``.
+# In a shell: ``surrogate export heat -o heat.html``.
 command(["export", str(model), "-o", str(page)], standalone_mode=False)
 HTML(f'<div><iframe srcdoc="{escape(page.read_text())}" style="width: 100%; height: 600px"></iframe></div>')
