@@ -11,7 +11,8 @@ from tests.support.results import SETTINGS_OF_SCENE, make_catalog, make_scene
 
 
 def test_every_command_is_there_and_help_loads_nothing_heavy() -> None:
-    assert sorted(main.commands) == sorted(["train", "ask", "evaluate", "show", "explore", "export", "sweep", "doctor"])
+    names = ["ask", "docs", "doctor", "evaluate", "explore", "export", "show", "sweep", "train"]
+    assert sorted(main.commands) == names
     program = (
         "import sys, surrogate.cli; print([n for n in ('torch', 'numpy', 'aiohttp', 'matplotlib') if n in sys.modules])"
     )
