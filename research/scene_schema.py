@@ -20,7 +20,7 @@ from typing import Any, Literal
 from catalogs.files import durable
 from catalogs.vocabulary.appearance import KINDS, Isosurface, TransferFunction
 from catalogs.vocabulary.parameters import SCALES, SPLITS, Parameter
-from catalogs.vocabulary.scene import CATALOG_TABLES, NAN, PLANNED, SOURCES, TABLES, RenderPlan, ViewPlan
+from catalogs.vocabulary.scene import BACKENDS, CATALOG_TABLES, NAN, PLANNED, SOURCES, TABLES, RenderPlan, ViewPlan
 from catalogs.vocabulary.variations import isovalue_family, transfer_function_family
 from insitu.ensembles.sources import KEYS
 from surrogate.settings import TrainingSettings
@@ -29,7 +29,7 @@ PATH = Path(__file__).resolve().parents[1] / "docs" / "reference" / "scene.schem
 OF_THE_SOURCE = {"path", "bounds", "background"}, {"path", "hold_out"}  # of the kinds nerf and catalog
 NUMBER, TEXT = {"type": "number"}, {"type": "string"}
 SIMPLE = {int: "integer", float: "number", str: "string", bool: "boolean"}
-CHOICES = {"scale": SCALES, "nan": NAN}
+CHOICES = {(Parameter, "scale"): SCALES, (RenderPlan, "nan"): NAN, (RenderPlan, "backend"): BACKENDS}
 Json = dict[str, Any]
 
 
@@ -65,7 +65,8 @@ def of_class(kind: Any, *, without: Sequence[str] = ()) -> Json:
     for each in fields(kind):
         if each.name in without:
             continue
-        properties[each.name] = {"enum": list(CHOICES[each.name])} if each.name in CHOICES else typed(hints[each.name])
+        choices = CHOICES.get((kind, each.name))
+        properties[each.name] = {"enum": list(choices)} if choices else typed(hints[each.name])
         if each.default is MISSING:
             required.append(each.name)
         elif each.default not in (None, ""):

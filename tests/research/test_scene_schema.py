@@ -57,6 +57,7 @@ def changed(keys: list[Any], value: Any) -> dict[str, Any]:
         (["variation", 0, "kind"], "camera"),
         (["views", "frequency"], 2.5),
         (["render", "nan"], "white"),
+        (["render", "backend"], "gl"),
         (["training", "gausians"], 10),
         (["training", "carried"], "value"),
     ],
