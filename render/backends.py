@@ -13,8 +13,8 @@ MOST_SAMPLES = 1 << 29  # of a field, with a layer around it: what the ray caste
 def backend_of(grid: Grid, appearance: Appearance, wanted: str = "auto", usual: str = "") -> str:
     """The way in which an appearance of `grid` is drawn: "vtk" or "cpu", the ray caster; "" for one that draws itself.
 
-    "auto" takes the `usual` way of a catalog.  Without one volumes are cast, which is faster than VTK on software OpenGL,
-    and isosurfaces are VTK's.  What can't be cast here is VTK's.
+    "auto" takes the `usual` way of a catalog.  Without one volumes are cast, which took from a third to all of VTK's time
+    on software OpenGL, and isosurfaces are VTK's.  What can't be cast here is VTK's.
 
     Raises ValueError for another word, and for "cpu" where the ray caster can't draw `grid`.
     """

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 
 import click
@@ -38,6 +37,7 @@ def estimate(
         if scene is not None and (size, frequency, members) != (None, None, None):
             raise click.UsageError("--size, --frequency and --members are the scene's own")
         from catalogs.vocabulary.scene import Scene
+        from insitu.ensembles.ensemble import available_cores
         from insitu.ensembles.estimate import estimate, estimate_of_waves
 
         if scene is not None:
@@ -45,8 +45,4 @@ def estimate(
         else:
             result = estimate_of_waves(samples or 0, size or 256, frequency or 5, members or 100)
         line.close()
-        click.echo(result.on(cores or _cores()))
-
-
-def _cores() -> int:
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+        click.echo(result.on(cores or available_cores()))

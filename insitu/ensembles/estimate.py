@@ -5,12 +5,12 @@ from __future__ import annotations
 import resource
 import tempfile
 import time as clock
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,6 +27,8 @@ from insitu.members.planning import PlanOptions
 from insitu.members.result import RenderedMember
 
 TRIED = 5  # members, spread over the scene
+# A function that makes a field, the field's parameters, and the names of its appearances, None for all.
+Trial: TypeAlias = tuple[Callable[[], Any], Mapping[str, float], Sequence[str] | None]
 SHEETS = VolumeRendering(
     "dvr",
     TransferFunction(
@@ -94,10 +96,7 @@ def estimate(scene: Scene, *, progress: Callable[[float], None] = lambda fractio
     count = min(len(members), 1 if ensemble.source.expensive else TRIED)
     chosen = [members[(2 * i + 1) * len(members) // (2 * count)] for i in range(count)]
     options = PlanOptions.of_scene(scene, ensemble.space)
-    tried = (
-        (partial(ensemble.source.field, m, progress), {"parameters": m.parameters, "appearances": m.appearances})
-        for m in chosen
-    )
+    tried = ((partial(ensemble.source.field, m, progress), m.parameters, m.appearances) for m in chosen)
     counts = [len(scene.appearances if m.appearances is None else m.appearances) for m in members]
     return _extrapolated(tried, options, scene.render.nan, counts)
 
@@ -111,7 +110,7 @@ def estimate_of_waves(samples: int, pixels: int, frequency: int, members: int) -
     def field(phase: float) -> Field:
         return Field(waves(samples, phase), spacing, origin)
 
-    tried = ((partial(field, phase), {"parameters": {"phase": phase}}) for phase in (1.0, 2.0))
+    tried = ((partial(field, phase), {"phase": phase}, None) for phase in (1.0, 2.0))
     expected = _extrapolated(tried, options, "refuse", [1] * members)
     return replace(expected, field_seconds=0.0)  # the simulation's own
 
@@ -124,10 +123,8 @@ def waves(samples: int, phase: float) -> NDArray[np.float32]:
     return field
 
 
-def _extrapolated(
-    tried: Iterable[tuple[Callable[[], Any], dict[str, Any]]], options: PlanOptions, nan: str, counts: Sequence[int]
-) -> Estimate:
-    """From few views of members that are `tried`, their fields as functions, all of members with `counts` of appearances."""
+def _extrapolated(tried: Iterable[Trial], options: PlanOptions, nan: str, counts: Sequence[int]) -> Estimate:
+    """From few views of members that are `tried`, all of members with `counts` of appearances."""
     plan = options.views or ViewPlan()
     few = replace(options, views=replace(plan, frequency=1))
     making, drawing, rest, results, ends = 0.0, 0.0, list[float](), list[RenderedMember](), list[float]()
@@ -141,12 +138,12 @@ def _extrapolated(
             progress=lambda images: ends.append(_processor_seconds()),
         ) as session,
     ):
-        for make, member in tried:
+        for make, parameters, appearances in tried:
             ends.clear()
             started = _processor_seconds()
             field = make()
             begun = _processor_seconds()
-            result = session.render_member(field, member.pop("parameters"), **member)
+            result = session.render_member(field, parameters, appearances=appearances)
             seconds = _processor_seconds() - begun
             of_images = _seconds_of_images(ends, result.sizes.views)
             making, drawing = making + begun - started, drawing + of_images
