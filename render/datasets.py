@@ -74,6 +74,14 @@ def to_grid(
     blocks of a composite data set are joined; ghost and hidden cells are left out.
 
     Raises ValueError naming what is wrong with shape, type, range, spacing or values, and TypeError for other data.
+
+    Examples
+    --------
+    >>> from blobs import simulate
+    >>> from render import to_grid
+    >>> grid = to_grid(simulate(0.8, 0.3), spacing=(2 / 23,) * 3, origin=(-1, -1, -1))
+    >>> grid.shape
+    (24, 24, 24)
     """
     if isinstance(data, Grid):
         _check_own_place("Grid", spacing, origin, None)

@@ -36,6 +36,16 @@ class Grid:
         transparent.  `values` there repeats the nearest of the 26 samples around that has one, so that gradients stay tame.
         Deeper inside it holds some value of the field, which no image shows.
     notes : what the user should know of how the samples were made, such as that they were resampled.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from render import to_grid
+    >>> field = np.ones((4, 8, 8))
+    >>> field[0] = np.nan  # land below an ocean
+    >>> grid = to_grid(field, spacing=(0.5, 0.5, 1.0), nan="transparent")
+    >>> grid.shape, int(grid.holes.sum())
+    ((4, 8, 8), 64)
     """
 
     values: NDArray[Any]  # [nz, ny, nx]

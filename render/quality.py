@@ -107,6 +107,14 @@ class SampleDistance:
         has samples at a sixth of the distance, and at most the smallest spacing.
     note : what the user should know: that it misses the target.
     change : how much the measured field changes from sample to sample as the transfer function shows it (`mean_change`).
+
+    Examples
+    --------
+    >>> from blobs import APPEARANCE, CAMERA, PLACE, simulate
+    >>> from render import choose_sample_distance, to_grid
+    >>> chosen = choose_sample_distance(to_grid(simulate(0.8, 0.3), **PLACE), APPEARANCE, [CAMERA], 45.0)
+    >>> chosen.decibels > 45
+    True
     """
 
     distance: float
@@ -132,6 +140,15 @@ def choose_sample_distance(
     is false. An isosurface has no samples along rays: its distance is the smallest spacing and its error is 0 (inf dB).
 
     Raises ValueError for no cameras or a target that 8 bits cannot hold (above 58 dB).
+
+    Examples
+    --------
+    >>> from blobs import APPEARANCE, CAMERA, PLACE, simulate
+    >>> from render import choose_sample_distance, to_grid
+    >>> grid = to_grid(simulate(0.8, 0.3), **PLACE)
+    >>> good, better = (choose_sample_distance(grid, APPEARANCE, [CAMERA], target) for target in (40, 55))
+    >>> good.distance > better.distance
+    True
     """
     if not cameras:
         raise ValueError("choosing a sample distance needs at least one camera")

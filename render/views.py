@@ -119,6 +119,16 @@ def render_views(
     half the smallest spacing (`choose_sample_distance` finds the largest that is good enough).  `backend` draws: "vtk"; "cpu",
     which casts rays without OpenGL; or "auto" (`render.backends`).  The field is uploaded once and freed when the iterator ends or
     is closed.
+
+    Examples
+    --------
+    >>> from blobs import APPEARANCE, CAMERA, PLACE, simulate
+    >>> from render import render_views, to_grid
+    >>> grid = to_grid(simulate(0.8, 0.3), **PLACE)
+    >>> for picture in render_views(grid, APPEARANCE, [CAMERA, CAMERA.resized(64, 64)], float_output=True):
+    ...     print(picture.shape, picture.dtype)
+    (128, 128, 4) float32
+    (64, 64, 4) float32
     """
     if isinstance(appearance, PluginAppearance):
         yield from _plugin_pictures(grid, appearance, list(cameras), float_output)

@@ -148,6 +148,13 @@ class TrainingSettings:
     validation_interval, validation_images : steps between validations, and images of each; 0 for none.
     checkpoint_seconds : time between checkpoints.
     batch : images of a step; rates are multiplied by its square root.
+
+    Examples
+    --------
+    >>> from surrogate import TrainingSettings
+    >>> settings = TrainingSettings(gaussians=2000, canonical_steps=500, deformation_steps=2000)
+    >>> settings.seed, settings.latent_size
+    (0, 16)
     """
 
     seed: int = 0

@@ -61,6 +61,16 @@ class Catalog:
 
     Any number of processes may write at once, each its own members; a network file system must support file locks (NFS 4
     and Lustre mounted with flock do).  Readers need no lock: they see complete members and a complete table at any moment.
+
+    Examples
+    --------
+    >>> from blobs import make_run
+    >>> from catalogs import Catalog
+    >>> catalog = Catalog.open(make_run() / "blobs.cdb")
+    >>> len(catalog.members), catalog.appearance_names
+    (20, ['blobs'])
+    >>> catalog.image(catalog.members[0], "blobs", 4).shape
+    (64, 64, 4)
     """
 
     def __init__(self, path: Path, plan: CatalogPlan, splits: Splits | None = None) -> None:

@@ -59,6 +59,16 @@ class Member:
     path : its folder.
     provenance : JSON values: the simulated time, the hook's warnings, where images came from.
     appearances : names of those it was rendered with, in the plan's order; all of them or some.
+
+    Examples
+    --------
+    >>> from blobs import make_run
+    >>> from catalogs import Catalog
+    >>> member = Catalog.open(make_run() / "blobs.cdb").members[0]
+    >>> member.split, member.parameters
+    ('train', {'separation': 0.61, 'width': 0.2})
+    >>> member.coarse_fields()[""].values.shape
+    (24, 24, 24)
     """
 
     name: str

@@ -45,7 +45,17 @@ VIEW_COLUMNS = ("member", "view", "phi", "theta", "split", "member_split", "view
 
 
 class CatalogError(ValueError):
-    """A catalog can't be created, read or written; the message names the place and the remedy."""
+    """A catalog can't be created, read or written; the message names the place and the remedy.
+
+    Examples
+    --------
+    >>> from catalogs import Catalog, CatalogError
+    >>> try:
+    ...     Catalog.open("absent.cdb")
+    ... except CatalogError as error:
+    ...     print(error)
+    absent.cdb/catalog.json is missing: is absent.cdb a catalog made by gs-surrogate?
+    """
 
 
 @dataclass(frozen=True)
@@ -66,6 +76,16 @@ class CatalogPlan:
     quantities : names and units of the shown fields, by the names in `fields`; for some, all or none of them.
     packed : True where each member's images are in one HDF5 file (`catalogs.files.packed`); such a catalog is read-only.
     digest : of the contents of the `catalog.json` that this plan was read from, provenance aside; "" for a plan not stored yet.
+
+    Examples
+    --------
+    >>> from blobs import make_run
+    >>> from catalogs import Catalog
+    >>> plan = Catalog.open(make_run() / "blobs.cdb").plan
+    >>> plan.space.names, len(plan.cameras), plan.view_splits.count("train")
+    (('separation', 'width'), 12, 5)
+    >>> plan.bounds
+    ((-1.0, -1.0, -1.0), (1.0, 1.0, 1.0))
     """
 
     space: ParameterSpace

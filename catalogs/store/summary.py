@@ -40,6 +40,14 @@ class FieldSummary:
         thousandth of a grid spacing or of the histogram's range.
     even_points : (E, 3) world coordinates that fill the field's box evenly, different for every field; none in holes.
     even_values : (E,), the field there, interpolated between its samples; types as above.
+
+    Examples
+    --------
+    >>> from blobs import make_run
+    >>> from catalogs import Catalog
+    >>> summary = Catalog.open(make_run() / "blobs.cdb").members[0].summary()
+    >>> print(f"{summary.minimum:.2f} to {summary.maximum:.2f}, {len(summary.points)} points")
+    0.00 to 0.91, 4000 points
     """
 
     minimum: float

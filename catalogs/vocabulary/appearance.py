@@ -33,6 +33,17 @@ class TransferFunction:
     opacity_points : (value, opacity) per control point, values strictly increasing, opacity in [0, 1].
     opacity_unit_distance : the path length, in world units, over which a homogeneous medium has the stated
         opacity: a step of length s has opacity 1 - (1 - opacity)**(s / opacity_unit_distance).
+
+    Examples
+    --------
+    >>> from catalogs import TransferFunction
+    >>> heat = TransferFunction(
+    ...     color_points=((0, 0, 0, 1), (10, 1, 0, 0)), opacity_points=((2, 0), (10, 0.8)), opacity_unit_distance=0.1
+    ... )
+    >>> heat.opacities([2, 6, 10]).tolist()
+    [0.0, 0.4, 0.8]
+    >>> heat.colors([5]).tolist()
+    [[0.5, 0.0, 0.5]]
     """
 
     color_points: tuple[tuple[float, float, float, float], ...]
@@ -71,6 +82,15 @@ class VolumeRendering:
     """Direct volume rendering of a field under a transfer function; `shaded` lights it by its gradient.
 
     `field` names the shown field; "" for members of a single field.
+
+    Examples
+    --------
+    >>> from blobs import CAMERA, PLACE, simulate
+    >>> from catalogs import TransferFunction, VolumeRendering
+    >>> from render import render_views, to_grid
+    >>> heat = TransferFunction(((0, 0, 0, 1), (1, 1, 0, 0)), ((0.1, 0), (1, 0.8)), opacity_unit_distance=0.1)
+    >>> lit = VolumeRendering("lit", heat, shaded=True)
+    >>> (picture,) = render_views(to_grid(simulate(0.8, 0.3), **PLACE), lit, [CAMERA])
     """
 
     name: str
@@ -95,6 +115,16 @@ class Isosurface:
     """The surface where a field equals `isovalue`, lit by a headlight (Phong: ambient, diffuse, specular, each from 0 on).
 
     `field` names the shown field; "" for members of a single field.
+
+    Examples
+    --------
+    >>> from blobs import CAMERA, PLACE, simulate
+    >>> from catalogs import Isosurface
+    >>> from render import render_views, to_grid
+    >>> surface = Isosurface("half", 0.5, color=(0.9, 0.6, 0.2))
+    >>> (picture,) = render_views(to_grid(simulate(0.8, 0.3), **PLACE), surface, [CAMERA])
+    >>> picture.shape
+    (128, 128, 4)
     """
 
     name: str
@@ -120,7 +150,21 @@ class Isosurface:
 
 @dataclass(frozen=True)
 class ImportedImages:
-    """Images of another program, described only by a `note`."""
+    """Images of another program, described only by a `note`.
+
+    Examples
+    --------
+    A catalog of pictures that another program drew:
+
+    >>> import numpy as np
+    >>> from catalogs import Catalog, CatalogPlan, ImportedImages, Parameter, ParameterSpace, orbit
+    >>> cameras = tuple(orbit((0, 0, 0), 1.0, width=32, height=32, frequency=1))
+    >>> space = ParameterSpace((Parameter("angle", 0, 90, "degrees"),))
+    >>> plan = CatalogPlan(space, (ImportedImages("photo"),), cameras, ("train",) * 12, bounds=((-1,) * 3, (1,) * 3))
+    >>> with Catalog.create("photos.cdb", plan).begin_member("first", {"angle": 30}, split="train") as writer:
+    ...     for view in range(12):
+    ...         writer.write_image("photo", view, np.zeros((32, 32, 4), np.uint8))  # premultiplied RGBA
+    """
 
     name: str
     note: str = ""

@@ -35,6 +35,14 @@ class Camera:
     fx, fy : focal lengths in pixels.
     cx, cy : principal point in pixels; the image centre is (width / 2, height / 2).
     width, height : image size in pixels.
+
+    Examples
+    --------
+    >>> from catalogs import Camera
+    >>> camera = Camera.look_at((0, -4, 0), (0, 0, 0), vertical_fov_degrees=30, width=200, height=100)
+    >>> pixels, depths = camera.project([[0, 0, 0], [0, 0, 1]])
+    >>> pixels.round(1).tolist(), depths.round(1).tolist()
+    ([[100.0, 50.0], [100.0, 3.3]], [4.0, 4.0])
     """
 
     world_to_camera: NDArray[np.float64]  # [4, 4]
@@ -179,6 +187,12 @@ def icosphere(frequency: int = 5) -> NDArray[np.float64]:
     Frequency 5 gives the method's 252 viewpoints.  Orientation and order are fixed: ring by ring of edges from the corner
     (0, -1, phi), each ring by azimuth around it.  So the even and the odd viewpoints each cover the sphere evenly: at frequency 5
     no view is further than 14.1 degrees from one of the other half.
+
+    Examples
+    --------
+    >>> from catalogs import icosphere
+    >>> icosphere().shape, icosphere(frequency=2).shape
+    ((252, 3), (42, 3))
     """
     if frequency < 1:
         raise ValueError(f"frequency must be at least 1, got {frequency}")
@@ -216,6 +230,13 @@ def orbit(
     """Cameras on the icosphere around a sphere of `radius` (world units) at `center` (3,), looking inwards.
 
     At their distance the sphere's silhouette fills the fraction `fill` of the shorter side of the frame.
+
+    Examples
+    --------
+    >>> from catalogs import orbit
+    >>> cameras = orbit((0, 0, 0), radius=1.0, width=128, height=128, frequency=2)
+    >>> len(cameras)
+    42
     """
     if not radius > 0:
         raise ValueError(f"radius must be positive, got {radius}")

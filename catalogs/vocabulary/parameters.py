@@ -36,6 +36,13 @@ class Parameter:
         surrogate use the logarithm.  Bounds and values are positive then.
 
     Raises ValueError naming the parameter and the problem.
+
+    Examples
+    --------
+    >>> from catalogs import Parameter
+    >>> viscosity = Parameter("viscosity", 1e-4, 1e-2, "m²/s", scale="log")
+    >>> print(viscosity, "middle", f"{viscosity.middle:g}")
+    viscosity in [0.0001, 0.01] m²/s (log) middle 0.001
     """
 
     name: str
@@ -142,7 +149,17 @@ class Parameter:
 
 @dataclass(frozen=True)
 class ParameterSpace:
-    """The ordered parameters of an ensemble."""
+    """The ordered parameters of an ensemble.
+
+    Examples
+    --------
+    >>> from catalogs import Parameter, ParameterSpace
+    >>> space = ParameterSpace((Parameter("Re", 1000, 2000), Parameter("time", 0, 10, "s")))
+    >>> space.normalize([1500, 10]).tolist()
+    [0.0, 1.0]
+    >>> space.latin_hypercube(5, seed=0).shape
+    (5, 2)
+    """
 
     parameters: tuple[Parameter, ...]
 

@@ -11,7 +11,14 @@ from catalogs.vocabulary.words import joined_names
 
 @dataclass(frozen=True)
 class Quantity:
-    """A quantity by `name` and `unit`, each "" where unknown; raises ValueError unless both are printable text."""
+    """A quantity by `name` and `unit`, each "" where unknown; raises ValueError unless both are printable text.
+
+    Examples
+    --------
+    >>> from insitu import Quantity
+    >>> print(Quantity("vorticity", "1/s"))
+    vorticity (1/s)
+    """
 
     name: str = ""
     unit: str = ""

@@ -51,7 +51,15 @@ class PlannedMember:
 
 @dataclass(frozen=True)
 class ViewPlan:
-    """Viewpoints on the icosphere of `frequency` around the volume, and the frame (pixels)."""
+    """Viewpoints on the icosphere of `frequency` around the volume, and the frame (pixels).
+
+    Examples
+    --------
+    >>> from insitu import ViewPlan
+    >>> views = ViewPlan(frequency=2, width=128, height=128)
+    >>> len(views.cameras((0, 0, 0), radius=1.0)), views.splits().count("test")
+    (42, 21)
+    """
 
     frequency: int = 5
     width: int = 256
@@ -152,6 +160,12 @@ class Scene:
     varied : the variations among the appearances, and the members that show them.
     training : the raw `[training]` table, validated by the surrogate.
     quantities : names and units of the shown fields, from the `[fields]` table (`Q = "1/s²"`); a source may add more.
+
+    Examples
+    --------
+    >>> from catalogs import Scene
+    >>> Scene.load("vortex.toml")
+    <Scene vortex: 4 planned members; Re in [100, 200]; appearances: cores>
     """
 
     name: str

@@ -19,6 +19,7 @@ CAMERA = Camera.look_at((2.5, -3.5, 2.0), (0, 0, 0), vertical_fov_degrees=28, wi
 COLORS = ((0.1, 0.2, 0.3, 0.8), (0.6, 0.9, 0.8, 0.4), (1.2, 0.8, 0.1, 0.1))  # value, red, green, blue
 OPACITIES = ((0.1, 0.0), (1.0, 0.9))
 APPEARANCE = insitu.VolumeRendering("blobs", insitu.TransferFunction(COLORS, OPACITIES, opacity_unit_distance=0.3))
+PLACE = {"spacing": (2 / 23,) * 3, "origin": (-1,) * 3}  # of the samples, x, y, z
 
 
 def simulate(separation: float, width: float) -> np.ndarray:
@@ -26,6 +27,11 @@ def simulate(separation: float, width: float) -> np.ndarray:
     z, y, x = np.meshgrid(*3 * [np.linspace(-1, 1, 24)], indexing="ij")
     sides = (-separation / 2, separation / 2)
     return sum(np.exp(-((x - side) ** 2 + y**2 + z**2) / width**2) for side in sides)
+
+
+def simulate_field(parameters: dict[str, float]) -> insitu.Field:
+    """The same with its place, as ensembles call it in worker processes."""
+    return insitu.Field(simulate(**parameters), **PLACE)
 
 
 @cache
@@ -45,8 +51,7 @@ def make_run() -> Path:
                 simulate(separation, width),
                 {"separation": separation, "width": width},
                 split="validation" if number % 4 == 2 else "train",
-                spacing=(2 / 23,) * 3,
-                origin=(-1,) * 3,
+                **PLACE,
             )
     said = io.StringIO()
     with redirect_stdout(said), redirect_stderr(said):

@@ -8,10 +8,20 @@ elements.  Anything else is refused by name.
 
 Examples
 --------
->>> pictures = initialize("flow.cdb", space={"Re": (100, 200)}, appearances=volume)  # doctest: +SKIP
->>> for mesh in simulation:  # doctest: +SKIP
-...     pictures.execute(mesh, {"Re": 150})
->>> pictures.finalize()  # doctest: +SKIP
+>>> import insitu
+>>> from blobs import APPEARANCE, simulate
+>>> from insitu.bindings.blueprint import initialize
+>>> axis = {"i": 24, "j": 24, "k": 24}
+>>> mesh = {
+...     "coordsets": {"coords": {"type": "uniform", "dims": axis, "spacing": {"dx": 2 / 23, "dy": 2 / 23, "dz": 2 / 23}}},
+...     "topologies": {"mesh": {"type": "uniform", "coordset": "coords"}},
+...     "fields": {"density": {"association": "vertex", "topology": "mesh", "values": simulate(0.8, 0.3)}},
+... }
+>>> views = insitu.ViewPlan(frequency=1, width=32, height=32)
+>>> pictures = initialize("flow.cdb", space={"separation": (0.6, 1.0)}, appearances=APPEARANCE, views=views)
+>>> pictures.execute(mesh, {"separation": 0.8}).images
+12
+>>> pictures.finalize()
 """
 
 from __future__ import annotations

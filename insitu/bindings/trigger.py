@@ -5,6 +5,7 @@ never stopped.  Triggers are combined by `&` and `|`.
 
 Examples
 --------
+>>> from insitu.bindings.trigger import at_times, every_steps
 >>> due = every_steps(100) | at_times([0.5, 2.0])
 >>> due(step=130, time=0.52, previous=0.49)
 True

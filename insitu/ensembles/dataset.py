@@ -73,6 +73,13 @@ def make_dataset(
     Raises, before anything is written, ValueError or CatalogError where the catalog was made from another scene file or the
     scene can't be read.  Raises FileNotFoundError where its data are absent, and RuntimeError where the script of a hooked scene
     needs a package that this environment lacks.
+
+    Examples
+    --------
+    >>> import insitu
+    >>> result = insitu.make_dataset("vortex.toml", runs="runs", workers=1)
+    >>> insitu.Catalog.open("runs/vortex/catalog.cdb")
+    <Catalog runs/vortex/catalog.cdb: 4 members (4 train, 0 validation, 0 test); Re in [100, 200]; 12 views of cores>
     """
     scene, runs = scene if isinstance(scene, Scene) else Scene.load(scene), Path(runs)
     scene.check_tables()

@@ -40,7 +40,15 @@ PILOTS = 2
 
 @dataclass(frozen=True)
 class EnsembleResult:
-    """Members rendered now, members skipped, failures with their reasons, and the seconds it took."""
+    """Members rendered now, members skipped, failures with their reasons, and the seconds it took.
+
+    Examples
+    --------
+    >>> import insitu
+    >>> print(insitu.EnsembleResult(rendered=(), skipped=("first",), failures={"second": "NaN at step 40"}, seconds=0.1))
+    EnsembleResult: 0 members rendered (0 images) in 0.1 s, 1 were there already, 1 failed
+      second: NaN at step 40
+    """
 
     rendered: tuple[RenderedMember, ...]
     skipped: tuple[str, ...]
@@ -110,6 +118,20 @@ def run_ensemble(
     KeyboardInterrupt stops the workers, leaves no partial member and is raised on; the same call goes on where it stopped.
     Raises ValueError or OSError where the plan is incomplete or not the catalog's, or a member's parameters are wrong, before any
     field is read or anything is written.
+
+    Examples
+    --------
+    >>> import insitu
+    >>> from blobs import APPEARANCE, simulate_field
+    >>> from catalogs.vocabulary.scene import PlannedMember
+    >>> from insitu.ensembles.function_source import HookedSource
+    >>> from insitu.members.planning import PlanOptions
+    >>> space = insitu.ParameterSpace((insitu.Parameter("separation", 0.6, 1.0), insitu.Parameter("width", 0.2, 0.4)))
+    >>> points = [dict(zip(space.names, point)) for point in space.latin_hypercube(4, seed=0).tolist()]
+    >>> members = [PlannedMember(f"run-{i}", point, "train") for i, point in enumerate(points)]
+    >>> options = PlanOptions(space, (APPEARANCE,), insitu.ViewPlan(frequency=1, width=32, height=32))
+    >>> insitu.run_ensemble("runs.cdb", members, HookedSource(simulate_field, "blobs"), options, workers=1)
+    EnsembleResult: 4 members rendered (48 images) in ... s
     """
     started, path = clock.perf_counter(), Path(catalog)
     runs = runs_of(source, members)

@@ -75,6 +75,16 @@ def probe_fields(fields: Mapping[str, Any] | Iterable[Any], *, nan: str = "refus
     ----------
     fields : anything `to_grid` takes, by member name or in a row; taken one at a time, so they may be a generator.
     nan : as in `render_member`; holes are left out.
+
+    Examples
+    --------
+    >>> import insitu
+    >>> from blobs import simulate
+    >>> probe = insitu.probe_fields({"near": simulate(0.6, 0.3), "far": simulate(1.0, 0.3)})
+    >>> "{:.2f} to {:.2f}".format(*probe.range)
+    '0.00 to 0.98'
+    >>> f"{probe.quantile(0.99):.2f}"  # a transfer function may be opaque from here on
+    '0.59'
     """
     named = fields.items() if isinstance(fields, Mapping) else ((f"member {i}", f) for i, f in enumerate(fields))
     names, ranges, samples = [], [], []

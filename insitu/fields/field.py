@@ -21,6 +21,15 @@ class Field:
         ``origin + (i, j, k) * spacing`` and holds ``values[k, j, i]``.
     name, unit : of the quantity ("" where unknown or dimensionless).
     time : simulation time; None where unknown.
+
+    Examples
+    --------
+    >>> import insitu
+    >>> from blobs import simulate
+    >>> from render import to_grid
+    >>> field = insitu.Field(simulate(0.8, 0.3), spacing=(2 / 23,) * 3, origin=(-1, -1, -1), name="density", time=0.5)
+    >>> to_grid(field).shape
+    (24, 24, 24)
     """
 
     values: NDArray[np.float32]  # [nz, ny, nx]

@@ -108,6 +108,15 @@ def render_member(
 
     Raises ValueError where the field, the parameters or the plan are not acceptable: nothing was written.  Raises OSError where
     the disk is full or not writable: nothing of the member was kept.
+
+    Examples
+    --------
+    >>> import insitu
+    >>> from blobs import APPEARANCE, PLACE, simulate
+    >>> views = insitu.ViewPlan(frequency=1, width=32, height=32)
+    >>> plan = {"space": {"separation": (0.6, 1.0)}, "appearances": APPEARANCE, "views": views}
+    >>> insitu.render_member(simulate(0.8, 0.3), {"separation": 0.8}, catalog="one.cdb", **plan, **PLACE).images
+    12
     """
     of_session: Any = dict(arguments)
     of_member: Any = {name: of_session.pop(name) for name in OneMember.__annotations__ if name in of_session}

@@ -65,9 +65,15 @@ class Session:
 
     Examples
     --------
-    >>> with insitu.Session("tgv.cdb", space={"Re": (1500, 2500)}, appearances=[volume]) as session:  # doctest: +SKIP
-    ...     for reynolds in (1500, 2000, 2500):
-    ...         print(session.render_member(simulate(reynolds), {"Re": reynolds}, spacing=(dx, dx, dx)))
+    >>> import insitu
+    >>> from blobs import APPEARANCE, PLACE, simulate
+    >>> views = insitu.ViewPlan(frequency=1, width=32, height=32)
+    >>> plan = {"space": {"separation": (0.6, 1.0)}, "appearances": APPEARANCE, "views": views}
+    >>> with insitu.Session("blobs.cdb", **plan, existing="skip", on_error="warn") as session:
+    ...     for separation in (0.6, 0.7, 0.8, 1.0):  # your loop
+    ...         member = session.render_member(simulate(separation, 0.3), {"separation": separation}, **PLACE)
+    >>> sum(member.images for member in session.results)
+    48
     """
 
     def __init__(

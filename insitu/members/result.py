@@ -37,6 +37,17 @@ class RenderedMember:
     skipped : whether it was in the catalog already, and nothing was done.
     error : why the member is missing; "" where it is not.
     queued : whether it is yet to be rendered, in the background.
+
+    Examples
+    --------
+    >>> import insitu
+    >>> from blobs import APPEARANCE, PLACE, simulate
+    >>> plan = {"space": {"separation": (0.6, 1.0)}, "appearances": APPEARANCE, "views": insitu.ViewPlan(1, 32, 32)}
+    >>> member = insitu.render_member(simulate(0.8, 0.3), {"separation": 0.8}, catalog="one.cdb", **plan, **PLACE)
+    >>> member
+    RenderedMember separation-0.8: 12 images in ...
+    >>> "{:.2f} to {:.2f}".format(*member.range)
+    '0.00 to 0.96'
     """
 
     name: str

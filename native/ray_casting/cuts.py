@@ -27,6 +27,16 @@ class Cut:
     plane : axis 0, 1 or 2 and place, world units, of the slice; None without one.
 
     Raises ValueError for a box that ends before it begins, a place that is not finite, and other axes.
+
+    Examples
+    --------
+    >>> from blobs import APPEARANCE, CAMERA, PLACE, simulate
+    >>> from native.ray_casting import Cut, SampledField, VolumeCaster
+    >>> field = SampledField(simulate(0.8, 0.3), **PLACE)
+    >>> half = Cut(box=((-1, -1, -1), (0, 1, 1)))
+    >>> picture = VolumeCaster.of(field, APPEARANCE).within(half.bounds(field)).draw(CAMERA)
+    >>> print(half)
+    x = -1 to 0, y = -1 to 1, z = -1 to 1
     """
 
     box: tuple[Triple, Triple] | None = None

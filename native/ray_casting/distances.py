@@ -21,6 +21,14 @@ def fitting_distance(
 
     `camera` sees the whole field; only its direction and distance matter.  A narrow peak of the transfer function takes shorter
     distances than a wide one.
+
+    Examples
+    --------
+    >>> from blobs import APPEARANCE, CAMERA, PLACE, simulate
+    >>> from native.ray_casting import SampledField, fitting_distance
+    >>> distance = fitting_distance(SampledField(simulate(0.8, 0.3), **PLACE), APPEARANCE, CAMERA, decibels=45.0)
+    >>> f"{distance / PLACE['spacing'][0]:g} spacings"
+    '1 spacings'
     """
     small = camera.resized(SIDE, SIDE)
     distance = min(field.spacing)

@@ -28,6 +28,14 @@ class SampledField:
     is_filled : true where values in holes are those of neighbours already.
 
     Raises ValueError or TypeError naming what is wrong with shapes, types or values.
+
+    Examples
+    --------
+    >>> from blobs import PLACE, simulate
+    >>> from native.ray_casting import SampledField
+    >>> field = SampledField(simulate(0.8, 0.3), **PLACE)
+    >>> print("{:.2f} to {:.2f}".format(*field.range))
+    0.00 to 0.96
     """
 
     values: NDArray[Any]

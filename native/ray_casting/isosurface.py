@@ -27,6 +27,15 @@ class SurfaceCaster:
     field : the samples.
     appearance : isovalue, colour and light.
     triangles : the surface.
+
+    Examples
+    --------
+    >>> from blobs import CAMERA, PLACE, simulate
+    >>> from catalogs import Isosurface
+    >>> from native.ray_casting import SampledField, SurfaceCaster
+    >>> caster = SurfaceCaster.of(SampledField(simulate(0.8, 0.3), **PLACE), Isosurface("half", 0.5))
+    >>> [caster.draw(CAMERA.resized(size, size)).shape for size in (32, 64)]
+    [(32, 32, 4), (64, 64, 4)]
     """
 
     field: SampledField
@@ -84,6 +93,14 @@ def draw_isosurface(
     holes : (nz, ny, nx) bool or None, samples without a value: grid cells with one at a corner have no surface.
     spacing, origin : world units, in the order x, y, z.
     threads : by default all cores.
+
+    Examples
+    --------
+    >>> from blobs import CAMERA, PLACE, simulate
+    >>> from catalogs import Isosurface
+    >>> from native.ray_casting import draw_isosurface
+    >>> draw_isosurface(simulate(0.8, 0.3), None, **PLACE, appearance=Isosurface("half", 0.5), camera=CAMERA).shape
+    (128, 128, 4)
     """
     field = SampledField(values, holes, spacing, origin)  # type: ignore[arg-type]
     return SurfaceCaster.of(field, appearance).draw(camera, threads=threads)

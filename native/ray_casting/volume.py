@@ -31,6 +31,14 @@ class VolumeCaster:
     sample_distance : the longest distance between samples along a ray, world units; each ray is cut into equal steps, and the
         field is sampled in the middle of each.
     bounds : the lowest and highest place, (2, 3) in samples, where rays begin and end; None for the field's own.
+
+    Examples
+    --------
+    >>> from blobs import APPEARANCE, CAMERA, PLACE, simulate
+    >>> from native.ray_casting import SampledField, VolumeCaster
+    >>> caster = VolumeCaster.of(SampledField(simulate(0.8, 0.3), **PLACE), APPEARANCE)
+    >>> [caster.draw(CAMERA.resized(size, size)).shape for size in (32, 64)]
+    [(32, 32, 4), (64, 64, 4)]
     """
 
     field: SampledField
@@ -107,6 +115,13 @@ def draw_volume(
     spacing, origin : world units, in the order x, y, z.
     sample_distance : the longest distance between samples along a ray, world units; by default half the smallest spacing.
     threads : by default all cores.
+
+    Examples
+    --------
+    >>> from blobs import APPEARANCE, CAMERA, PLACE, simulate
+    >>> from native.ray_casting import draw_volume
+    >>> draw_volume(simulate(0.8, 0.3), None, **PLACE, appearance=APPEARANCE, camera=CAMERA).shape
+    (128, 128, 4)
     """
     field = SampledField(values, holes, spacing, origin)  # type: ignore[arg-type]
     caster = VolumeCaster.of(field, appearance, sample_distance=sample_distance, threads=threads)

@@ -130,6 +130,18 @@ def invert(surrogate: Surrogate, targets: Sequence[Target], catalog: Catalog, fo
     A target without a camera is searched among the catalog's views, from which its camera is refined; it may stand up to about
     30 degrees away from these.  The calibration is measured the first time for each number of pictures, and kept in the run's
     `folder`.  Raises ValueError for no targets, and where fewer than four validation members calibrate.
+
+    Examples
+    --------
+    >>> from blobs import make_run
+    >>> from catalogs import Catalog
+    >>> from surrogate import Surrogate, invert
+    >>> from surrogate.answers.targets import stored_target
+    >>> surrogate, catalog = Surrogate.load(make_run() / "surrogate"), Catalog.open(make_run() / "blobs.cdb")
+    >>> answer = invert(surrogate, [stored_target(catalog, catalog.members[2].name, 4)], catalog)
+    >>> truth = catalog.members[2].parameters["separation"]
+    >>> answer.parameters[0].low < truth < answer.parameters[0].high
+    True
     """
     if not targets:
         raise ValueError("invert takes at least one picture")
@@ -149,6 +161,17 @@ def invert_numbers(
 
     Validation members say how far off the emulator's numbers are.  By default it is the field that is drawn.  Raises ValueError
     for no numbers, an unknown field, and where fewer than four validation members keep it.
+
+    Examples
+    --------
+    >>> from blobs import make_run
+    >>> from catalogs import Catalog
+    >>> from surrogate import Surrogate, invert_numbers
+    >>> from surrogate.answers.number_targets import Wanted
+    >>> surrogate, catalog = Surrogate.load(make_run() / "surrogate"), Catalog.open(make_run() / "blobs.cdb")
+    >>> answer = invert_numbers(surrogate, [Wanted("mean", (0.04,)), Wanted("maximum", (1.0,))], catalog)
+    >>> [parameter.name for parameter in answer.parameters if parameter.identified]
+    ['width']
     """
     return solved(*numbers_calibrated(NumberResiduals.of(surrogate, wanted, field, box), catalog))
 

@@ -30,6 +30,16 @@ class Target:
     picture : (H, W, 3) float32 in [0, 1].
     camera : of the same size; None where it is not known, and must be searched.
     mask : (H, W), True where a pixel counts; None for all.
+
+    Examples
+    --------
+    >>> from blobs import CAMERA, make_run
+    >>> from surrogate import Surrogate, Target
+    >>> deformed = Surrogate.load(make_run() / "surrogate").at(separation=0.7, width=0.3)
+    >>> picture = deformed.render(CAMERA, background=(1, 1, 1))[..., :3]
+    >>> target = Target(picture, CAMERA).resized(32).region((8, 8, 24, 24))  # its middle counts
+    >>> target.width, int(target.mask.sum())
+    (32, 256)
     """
 
     picture: NDArray[np.float32]

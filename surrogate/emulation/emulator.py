@@ -45,6 +45,16 @@ class FieldEmulator:
     outline : of the signed distance to holes in samples, negative in holes; None where they do not move.
     encodings : of tensors that are stored in fewer bits, by name.
     number_factors : on standard deviations of a box's numbers, by name, which likewise make intervals hold.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from blobs import PLACE, simulate
+    >>> from surrogate.emulation import FieldEmulator
+    >>> separations = np.linspace(0.6, 1.0, 6)
+    >>> emulator = FieldEmulator.fit([[p] for p in np.linspace(-1, 1, 6)], [simulate(s, 0.3) for s in separations], **PLACE)
+    >>> float(np.abs(emulator.at([0.1]).values - simulate(0.82, 0.3)).max()) < 0.01
+    True
     """
 
     processes: Processes

@@ -15,7 +15,16 @@ from surrogate.emulation.posterior import ResampledPosterior
 
 @dataclass(frozen=True, eq=False, repr=False)
 class EmulatedField(LatticeField):
-    """A field at one set of parameters, with numbers of it, from `measures`, and its form for other programs, from `exports`."""
+    """A field at one set of parameters, with numbers of it, from `measures`, and its form for other programs, from `exports`.
+
+    Examples
+    --------
+    >>> from blobs import make_run
+    >>> from surrogate import Surrogate
+    >>> field = Surrogate.load(make_run() / "surrogate").at(separation=0.8, width=0.3).field()
+    >>> f"{field.sample([(0.4, 0, 0)]).values[0]:.1f}"  # in a blob's centre
+    '1.0'
+    """
 
     sample = measures.sample
     profile = measures.profile

@@ -39,6 +39,15 @@ class EmulatedFields(Mapping[str, FieldEmulator]):
     emulators : by field.
     quantities : names and units, by field.
     left_out : a sentence about each field that could not be emulated, and was not required; not stored.
+
+    Examples
+    --------
+    >>> from blobs import make_run
+    >>> from catalogs import Catalog
+    >>> from surrogate.emulation import EmulatedFields
+    >>> fields = EmulatedFields.fit(Catalog.open(make_run() / "blobs.cdb"))
+    >>> fields[""].at([0.0, 0.0]).values.shape  # in the middle of both parameters
+    (24, 24, 24)
     """
 
     space: ParameterSpace

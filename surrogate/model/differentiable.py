@@ -34,23 +34,23 @@ Slope = tuple[float, bool]  # a derivative, and whether it is by a logarithm
 class DifferentiableSurrogate(torch.nn.Module):
     """A surrogate as a torch module, made by `Surrogate.differentiable`.
 
-    Find the parameter of a picture by gradient descent:
-
-    >>> model = surrogate.differentiable().requires_grad_(False)   # doctest: +SKIP
-    >>> parameters = torch.tensor([1700.0], requires_grad=True)    # in the order and units of surrogate.space   # doctest: +SKIP
-    >>> optimizer = torch.optim.Adam([parameters], lr=20.0)        # doctest: +SKIP
-    >>> for _ in range(100):                                       # doctest: +SKIP
-    ...     optimizer.zero_grad()
-    ...     loss = (model(parameters, camera) - target).square().mean()
-    ...     loss.backward()
-    ...     optimizer.step()
-
     Its torch parameters are copies of the Gaussians' tensors (`means`, `log_scales`, `quats`, `opacity_logits`, and `colors` or
     `values`) and of the deformations'.  `requires_grad_(False)` saves their gradients where only those by the arguments are wanted.
 
     There are no gradients by the camera's intrinsics, a transfer function's control points, or the order of the Gaussians in
     depth.  Displacements of a function by tensors raise ValueError where the Gaussians carry values.  The kernels can be
     differentiated once.
+
+    Examples
+    --------
+    >>> import torch
+    >>> from blobs import CAMERA, make_run
+    >>> from surrogate import Surrogate
+    >>> model = Surrogate.load(make_run() / "surrogate").differentiable().requires_grad_(False)
+    >>> parameters = torch.tensor([0.83, 0.27], requires_grad=True)  # in the order and units of surrogate.space
+    >>> model(parameters, CAMERA).mean().backward()
+    >>> float(parameters.grad[1]) > 0  # wider blobs fill more of the picture
+    True
     """
 
     def __init__(

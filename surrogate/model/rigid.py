@@ -19,6 +19,15 @@ def look_at(position: Tensor, target: Tensor, up: Tensor | None = None) -> Tenso
 
     Differentiable in all three.  `up` (3,), by default +z, points to the top of the picture; it must not be parallel to the
     viewing direction.  The same as `Camera.look_at`, but that it takes no other `up` near the poles.
+
+    Examples
+    --------
+    >>> import torch
+    >>> from surrogate import look_at
+    >>> position = torch.tensor([0.0, -4.0, 1.0], requires_grad=True)
+    >>> pose = look_at(position, torch.zeros(3))
+    >>> round(float(pose[2, 3].detach()), 3)  # the target's depth
+    4.123
     """
     forward = torch.nn.functional.normalize(target - position, dim=0)  # [3]
     upward = torch.tensor([0.0, 0.0, 1.0]).to(position) if up is None else up  # [3]

@@ -49,11 +49,6 @@ from surrogate.storage.encoding import Encoding
 class Surrogate:
     """A trained ensemble.
 
-    >>> picture = Surrogate.load("runs/tgv/surrogate").at(Re=830.0, time=6.5).render(camera)   # doctest: +SKIP
-    >>> picture = Surrogate.load("runs/tgv-iso/surrogate").at(Re=1830.0, isovalue=5.5).render(camera)   # doctest: +SKIP
-    >>> surrogate = Surrogate.load("runs/tiny-fields/surrogate")   # doctest: +SKIP
-    >>> picture = surrogate.at(Re=1830.0, appearance="speed-dvr").render(camera)   # doctest: +SKIP
-
     Attributes
     ----------
     gaussians : the canonical ones, in normalized coordinates.
@@ -62,14 +57,19 @@ class Surrogate:
     normalization : between world and normalized coordinates.
     rasterizer : the constants it was trained with.
     background : the colour behind the volume in the images it was trained on; None where they had alpha.
-    encodings : of tensors that are stored in fewer bits, by the names they have in `model.safetensors`; the tensors themselves
-        are what these decode to.  One that was replaced since is stored as it is.
+    encodings : of tensors that are stored in fewer bits, by name in `model.safetensors`; tensors replaced since are stored as they are.
     visualizations : how it follows an isovalue or a transfer function as well, and shows other fields.
     field : an emulator of the ensemble's fields, where the catalog keeps them; it draws the same pictures.
     scores : of both on validation images, by kind of question: each kind is drawn by what did better.
     only : "gaussians", "field" or "both", which then draws all; "" for what did best.
-    training : how it came to be: `seconds`, `processor_seconds` (of all cores), `steps`, `settings`, `curve`,
-        `appearance`, `fingerprint`.
+    training : how it came to be: `seconds`, `processor_seconds` (all cores), `steps`, `settings`, `curve`, `fingerprint`, ...
+
+    Examples
+    --------
+    >>> from blobs import CAMERA, make_run
+    >>> from surrogate import Surrogate
+    >>> Surrogate.load(make_run() / "surrogate").at(separation=0.83, width=0.27).render(CAMERA).shape
+    (128, 128, 4)
     """
 
     gaussians: AnyGaussians

@@ -41,6 +41,16 @@ def volume_image(
     opacities, colors : (P,) and (Q, 3), in place of those of the function's control points, whose values stay.
 
     Raises ValueError for a shaded volume, which `surrogate.ray_casting.reference` differentiates.
+
+    Examples
+    --------
+    >>> import torch
+    >>> from blobs import APPEARANCE, CAMERA, PLACE, simulate
+    >>> from surrogate.ray_casting import volume_image
+    >>> values = torch.from_numpy(simulate(0.8, 0.3)).float().requires_grad_()
+    >>> volume_image(values, None, **PLACE, appearance=APPEARANCE, camera=CAMERA).mean().backward()
+    >>> values.grad.shape
+    torch.Size([24, 24, 24])
     """
     if appearance.shaded:
         raise ValueError(

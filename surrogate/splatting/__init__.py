@@ -40,6 +40,17 @@ def render(
     t with the quaternions multiplied by that of R.
 
     Sorting by centres is an approximation: Gaussians that interpenetrate are not integrated along the ray.
+
+    Examples
+    --------
+    >>> import torch
+    >>> from catalogs import Camera
+    >>> from surrogate import render
+    >>> camera = Camera.look_at((0, -4, 0), (0, 0, 0), vertical_fov_degrees=30, width=64, height=64)
+    >>> means, quats = torch.zeros(1, 3), torch.tensor([[1.0, 0.0, 0.0, 0.0]])
+    >>> drawn = render(means, torch.full((1, 3), 0.2), quats, torch.tensor([0.9]), torch.tensor([[1.0, 0.5, 0.0]]), camera)
+    >>> f"{drawn.alpha[32, 32]:.2f}"
+    '0.89'
     """
     chosen = {field.name: options.pop(field.name) for field in fields(Constants) if field.name in options}
     return draw(Primitives(means, scales, quats, opacities, colors), camera, Constants(**chosen), **options)

@@ -59,6 +59,16 @@ def train(
     Raises ValueError where `directory` holds a run of other settings or another catalog (nothing is overwritten), the catalog has
     nothing to learn from, or training diverges.  Raises RuntimeError where another process is training there, or one of `ranks` is
     lost or unlike the first.
+
+    Examples
+    --------
+    >>> from blobs import CAMERA, make_run
+    >>> from catalogs import Catalog
+    >>> from surrogate import TrainingSettings, train
+    >>> settings = TrainingSettings(gaussians=50, canonical_steps=2, deformation_steps=2)  # far too few
+    >>> surrogate = train(settings, Catalog.open(make_run() / "blobs.cdb"), "few")
+    >>> surrogate.at(separation=0.83, width=0.27).render(CAMERA).shape
+    (128, 128, 4)
     """
     directory = Path(directory)
     source = Source(settings, catalog, ranks)

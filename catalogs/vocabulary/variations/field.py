@@ -82,7 +82,14 @@ class FieldVariation(Variation):
 
 
 def field_variation(base: str, *, appearances: Sequence[str]) -> FieldVariation:
-    """Variation over other `appearances` of the catalog, by name, each of which can replace `base`."""
+    """Variation over other `appearances` of the catalog, by name, each of which can replace `base`.
+
+    Examples
+    --------
+    >>> from insitu import field_variation
+    >>> print(field_variation("pressure", appearances=["speed", "vorticity"]))
+    field: pressure, or speed, vorticity
+    """
     listed = [appearances] if isinstance(appearances, str) else appearances
     names: tuple[str, ...] = tuple(listed) if isinstance(listed, Iterable) else ()
     if not names or not all(isinstance(n, str) for n in names) or len(set(names)) != len(names) or base in names:

@@ -71,6 +71,15 @@ def isovalue_family(
 
     `style` are further arguments of `Isosurface`, such as its colour.  The parameter's bounds are the lowest and highest trained
     isovalue, which must differ; all others must lie between them.
+
+    Examples
+    --------
+    >>> from insitu import isovalue_family
+    >>> family = isovalue_family("blobs", train=[0.2, 0.5, 0.8], test=[0.35], style={"color": (0.9, 0.6, 0.2)})
+    >>> [surface.name for surface in family.appearances]
+    ['iso=0.2', 'iso=0.5', 'iso=0.8', 'iso=0.35']
+
+    Draw them all: `appearances=[volume, *family.appearances], variations=[family.variation]`.
     """
     rows = [(split, float(v)) for split, vs in zip(SPLITS, (train, validation, test), strict=True) for v in vs]
     values = [value for _, value in rows]

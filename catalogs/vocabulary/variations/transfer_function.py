@@ -86,6 +86,15 @@ def transfer_function_family(
     single_steps : the three steps of the single displacements, as multiples.
 
     Raises ValueError naming the function where a displaced point would cross its neighbours or leave [0, 1].
+
+    Examples
+    --------
+    >>> from insitu import TransferFunction, VolumeRendering, transfer_function_family
+    >>> points = ((0.0, 0.0), (0.3, 0.2), (0.7, 0.6), (1.0, 1.0))
+    >>> base = VolumeRendering("base", TransferFunction(((0, 0, 0, 1), (1, 1, 0, 0)), points, opacity_unit_distance=0.1))
+    >>> family = transfer_function_family(base, first_step=(0.1, 0.1), second_step=(0.1, 0.2), validation=4, test=4)
+    >>> len(family.appearances)  # 76 to train, 4 to validate, 4 to test
+    84
     """
     points = base.transfer_function.opacity_points
     if len(points) != 4 or (points[0][1], points[3][1]) != (0.0, 1.0):

@@ -100,6 +100,15 @@ def show(
     error to expect.  `base_url` is that of a Jupyter server with jupyter-server-proxy, through which the page is then reached.
     JupyterHub sets it, and "" goes to this machine's own port all the same.  Raises ModuleNotFoundError without the
     extra `[explore]`, RuntimeError where no server can start.
+
+    Examples
+    --------
+    >>> import surrogate
+    >>> from blobs import make_run
+    >>> page = surrogate.show(surrogate.Surrogate.load(make_run() / "surrogate"), make_run(), base_url="")
+    >>> page  # in a notebook: the page itself
+    <Explorer of blobs at http://127.0.0.1:.../>
+    >>> page.close()
     """
     shown_run = Run("surrogate", surrogate) if run is None else replace(Run.open(run), surrogate=surrogate)
     return NotebookExplorer(
