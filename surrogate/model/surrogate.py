@@ -57,7 +57,7 @@ class Surrogate:
     normalization : between world and normalized coordinates.
     rasterizer : the constants it was trained with.
     background : the colour behind the volume in the images it was trained on; None where they had alpha.
-    encodings : of tensors that are stored in fewer bits, by name in `model.safetensors`; tensors replaced since are stored as they are.
+    encodings : of tensors stored in fewer bits, by name in `model.safetensors`; tensors replaced since are stored as they are.
     visualizations : how it follows an isovalue or a transfer function as well, and shows other fields.
     field : an emulator of the ensemble's fields, where the catalog keeps them; it draws the same pictures.
     scores : of both on validation images, by kind of question: each kind is drawn by what did better.
