@@ -27,6 +27,7 @@ PARTS = ("title", "legend", "box", "axes")
 FRONT, BACK = 0.5, 0.2  # opacity of lines
 APART, SHORTEST, TICK, NUMBER, NAME, LETTER = 64, 40, 5, 9, 24, 6  # pixels at scale 1
 PIN = 9  # pixels at scale 1
+SMALL, SPACE = 11, 2  # height of numbers, and pixels between two
 NEAR = 1e-3  # of the box's diagonal
 NAMES, AXES, ARM, CORNER = "xyz", ("#e5605e", "#4fa35f", "#5b8def"), 28, 54
 LEFT, TOP, LEGEND_TOP, BAR, CURVE, STEPS, TALLEST = 18, 20, 66, 12, 26, 64, 240
@@ -109,7 +110,33 @@ def _box_marks(camera: Camera, box: Array, scale: float) -> list[Mark]:
     lines = _edge_marks(edges)
     center = projected(camera, box.mean(axis=0))
     ticks = (_ticks([e for e in edges if e.axis == axis], axis, camera, center, scale) for axis in range(3))
-    return lines + [mark for marks in ticks for mark in marks]
+    return lines + _readable([mark for marks in ticks for mark in marks], scale)
+
+
+def _readable(marks: Sequence[Mark], scale: float) -> list[Mark]:
+    """The marks without numbers that would lie over a text before them: axes end in the same corners."""
+    places: list[Array] = []
+    left: list[Mark] = []
+    for mark in marks:
+        if mark[0] == "text":
+            place = _extent(mark, scale)
+            if mark[3] == SMALL and any(_overlap(place, other) for other in places):
+                continue
+            places.append(place)
+        left.append(mark)
+    return left
+
+
+def _extent(mark: Mark, scale: float) -> Array:
+    """The lowest and the highest corner of a text, (2, 2) pixels."""
+    _, (x, y), anchor, letter, text, _ = mark
+    width, space = WIDTH_OF_LETTER * letter * scale * len(text), SPACE * scale
+    left, half = x - width * {"start": 0.0, "middle": 0.5, "end": 1.0}[anchor], letter * scale / 2
+    return np.array([[left - space, y - half], [left + width + space, y + half]])
+
+
+def _overlap(first: Array, second: Array) -> bool:
+    return bool((first[0] < second[1]).all() and (second[0] < first[1]).all())
 
 
 def _edge_marks(edges: Sequence[_Edge]) -> list[Mark]:
@@ -171,7 +198,7 @@ def _ticks(edges: Sequence[_Edge], axis: int, camera: Camera, center: Sequence[f
         point[axis] = value
         x, y, _ = projected(camera, point)
         marks.append(("line", (x, y, *beside(x, y, TICK)), FRONT))
-        marks.append(("text", beside(x, y, NUMBER + (4 if anchor == "middle" else 0)), anchor, 11, text, 400))
+        marks.append(("text", beside(x, y, NUMBER + (4 if anchor == "middle" else 0)), anchor, SMALL, text, 400))
     far = NAME + 6 + (0 if anchor == "middle" else LETTER * max(map(len, texts), default=0))
     return [*marks, ("text", beside((ax + bx) / 2, (ay + by) / 2, far), "middle", 13, NAMES[axis], 600)]
 

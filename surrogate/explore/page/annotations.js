@@ -15,6 +15,7 @@ const NAMES = "xyz", AXES = ["#e5605e", "#4fa35f", "#5b8def"], ARM = 28, CORNER 
 const PIN = 9; // pixels of a ring at scale 1
 export const LEFT = 18, TOP = 20;
 const BESIDE_BAR = 2; // lines of words beside the bar of the page
+const SMALL = 11, SPACE = 2; // height of numbers, and pixels between two
 const LINE = 15, MOST_LINES = 5, WIDTH_OF_LETTER = 0.58; // of words below the title; a letter's share of its height
 const LEGEND_TOP = 66, BAR = 12, CURVE = 26, STEPS = 64, TALLEST = 240;
 
@@ -61,7 +62,25 @@ function pinsOf(lens, pins, [width, height], scale) {
 function boxOf(lens, [low, high], scale) {
   const edges = edgesOf(lens, low, high), lines = linesAlong(edges);
   const center = lens.project(plus(scaled(0.5, low), scaled(0.5, high)));
-  return [...lines, ...[0, 1, 2].flatMap(axis => ticksOf(edges.filter(edge => edge.axis === axis), axis, lens, center, scale))];
+  return [...lines, ...readable([0, 1, 2].flatMap(axis => ticksOf(edges.filter(edge => edge.axis === axis), axis, lens, center, scale)), scale)];
+}
+
+/** The marks without numbers that would lie over a text before them: axes end in the same corners. */
+function readable(marks, scale) {
+  const places = [];
+  return marks.filter(mark => {
+    if (mark[0] !== "text") return true;
+    const place = extentOf(mark, scale);
+    if (mark[3] === SMALL && places.some(other => place.every(([low, high], k) => low < other[k][1] && other[k][0] < high))) return false;
+    places.push(place);
+    return true;
+  });
+}
+
+/** Where a text lies: [from, to] across and down. */
+function extentOf([, [x, y], anchor, letter, text], scale) {
+  const width = WIDTH_OF_LETTER * letter * scale * text.length, left = x - width * { start: 0, middle: 0.5, end: 1 }[anchor];
+  return [[left - SPACE * scale, left + width + SPACE * scale], [y - letter * scale / 2, y + letter * scale / 2]];
 }
 
 const linesAlong = edges => edges.filter(edge => edge.ends).map(({ ends: [[x1, y1], [x2, y2]], front }) => ["line", [x1, y1, x2, y2], front ? FRONT : BACK]);
@@ -106,7 +125,7 @@ function ticksOf(edges, axis, lens, center, scale) {
     const point = [...from];
     point[axis] = value;
     const at = lens.project(point);
-    return [["line", [at[0], at[1], ...beside(at, TICK)], FRONT], ["text", beside(at, NUMBER + (anchor === "middle" ? 4 : 0)), anchor, 11, texts[i], 400]];
+    return [["line", [at[0], at[1], ...beside(at, TICK)], FRONT], ["text", beside(at, NUMBER + (anchor === "middle" ? 4 : 0)), anchor, SMALL, texts[i], 400]];
   });
   const widest = Math.max(0, ...texts.map(text => text.length)), far = NAME + 6 + (anchor === "middle" ? 0 : LETTER * widest);
   return [...marks, ["text", beside(plus(scaled(0.5, a), scaled(0.5, b)), far), "middle", 13, NAMES[axis], 600]];

@@ -81,6 +81,47 @@ def test_ticks_stand_where_their_numbers_are(direction: Any) -> None:
         assert np.abs(points - place).max(axis=1).min() < 1e-9
 
 
+def texts_around(scale: float) -> list[tuple[int, list[Any]]]:
+    """Of a cube from 48 sides: how many ticks there are, and the texts of numbers and names."""
+    cube = Annotations("", "", np.array([[-1.0] * 3, [1.0] * 3]), None, ("box",))
+    found = []
+    for turn in np.linspace(0.0, 2 * math.pi, 48, endpoint=False):
+        camera = Camera.look_at(
+            6.0 * np.array([math.cos(turn), math.sin(turn), 0.6]),
+            np.zeros(3),
+            vertical_fov_degrees=30.0,
+            width=round(600 * scale),
+            height=round(600 * scale),
+        )
+        drawn = cube.marks(camera)
+        found.append((sum(mark[0] == "line" for mark in drawn) - 12, [mark for mark in drawn if mark[0] == "text"]))
+    return found
+
+
+@pytest.mark.parametrize("scale", [1.0, 2.0])
+def test_numbers_at_a_corner_do_not_lie_over_each_other(scale: float) -> None:
+    views = texts_around(scale)
+    for _, texts in views:
+        for one, other in itertools.combinations(texts, 2):
+            (left, right), (top, bottom) = zip(extent(one, scale), extent(other, scale), strict=True)
+            across = min(left[1], right[1]) - max(left[0], right[0])
+            down = min(top[1], bottom[1]) - max(top[0], bottom[0])
+            assert across < 0 or down < 0, (one, other)
+        assert {mark[4] for mark in texts if mark[3] == 13} >= {"x", "y"}
+    numbers = [sum(mark[3] == 11 for mark in texts) for _, texts in views]
+    missing = [ticks - count for (ticks, _), count in zip(views, numbers, strict=True)]
+    assert 0 < sum(count > 0 for count in missing) < len(views)  # none where there is room
+    assert max(missing) <= 3
+
+
+def extent(mark: Any, scale: float) -> tuple[tuple[float, float], tuple[float, float]]:
+    """The place of a text across and down, by letters half as wide as tall."""
+    _, (x, y), anchor, letter, text, _ = mark
+    width = 0.5 * letter * scale * len(text)
+    left = x - {"start": 0.0, "middle": width / 2, "end": width}[anchor]
+    return (left, left + width), (y - 0.4 * letter * scale, y + 0.4 * letter * scale)
+
+
 def test_inside_the_box_edges_are_cut_before_the_camera() -> None:
     camera = Camera.look_at(CENTER, CENTER + np.array([1.0, 0.2, 0.1]), vertical_fov_degrees=60.0, width=64, height=48)
     lines = [mark for mark in marks(camera, "box") if mark[0] == "line"]

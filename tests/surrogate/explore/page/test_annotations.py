@@ -57,6 +57,27 @@ def test_the_page_and_the_program_place_marks_alike(page: Page, explorer: str, r
         assert own[2:] == list(twin[2:])
 
 
+BOXES = """async positions => {
+  const { annotationsOf } = await import("/explore/annotations.js"), box = [[-1, -1, -1], [1, 1, 1]];
+  const camera = position => ({ position, target: [0, 0, 0], up: [0, 0, 1], field: 30 });
+  const marks = position => annotationsOf({ camera: camera(position), size: [600, 600], box, shown: ["box"], lines: [] });
+  return positions.map(position => marks(position).filter(mark => mark[0] === "text").map(mark => mark[4]));
+}"""
+
+
+def test_numbers_at_a_corner_are_left_out_alike(page: Page, explorer: str) -> None:
+    open_explorer(page, explorer)
+    turns = np.linspace(0.0, 6.0, 16)
+    positions = np.stack([6.0 * np.cos(turns), 6.0 * np.sin(turns), np.full(16, 3.6)], axis=1).tolist()
+    cube = Annotations("", "", np.array([[-1.0] * 3, [1.0] * 3]), None, ("box",))
+    expected = []
+    for position in positions:
+        camera = Camera.look_at(position, (0, 0, 0), vertical_fov_degrees=30.0, width=600, height=600)
+        expected.append([mark[4] for mark in cube.marks(camera) if mark[0] == "text"])
+    assert len({tuple(texts) for texts in expected}) > 4
+    assert page.evaluate(BOXES, positions) == expected
+
+
 LINES = """async cases => {
   const { annotationsOf, scaleOf } = await import("/explore/annotations.js"), { camera } = window.explorer.request(false);
   const marks = (words, size) =>
