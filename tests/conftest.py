@@ -12,7 +12,12 @@ from pathlib import Path
 import hypothesis
 import pytest
 
-pytest_plugins = ["tests.support.browsers", "tests.support.hangs", "tests.support.installed", "tests.support.stored_ensembles"]
+pytest_plugins = [
+    "tests.support.browsers",
+    "tests.support.hangs",
+    "tests.support.installed",
+    "tests.support.stored_ensembles",
+]
 
 PROJECT = Path(__file__).resolve().parent.parent
 
