@@ -102,13 +102,15 @@ examples: $(EXAMPLES)
 .venv-%/.complete: tests/clients/%.txt
 	$(call environment,--no-deps -r $<)
 .venv-%/.complete: examples/%/requirements.txt
-	@for tool in $$(sed -n 's/^# system: //p' $<); do command -v $$tool >/dev/null || { \
-	    echo "Missing: $$tool, which examples/$* is built with.  On Debian or Ubuntu: sudo apt-get install $$tool" >&2; exit 1; }; done
-	$(call environment,-r $< -e '.[insitu]')
+	@for tool in $$(sed -n 's/^# system: //p' $<); do command -v $${tool%=*} >/dev/null || { \
+	    echo "Missing: $${tool%=*}, which examples/$* is built with.  On Debian or Ubuntu: sudo apt-get install $${tool#*=}" >&2; \
+	    exit 1; }; done
+	$(call environment,-r $< -e '.[insitu]',$(wildcard examples/$*/build))
 
 define environment
 $(PYTHON) -m venv --clear .venv-$*
 .venv-$*/bin/python -m pip install --quiet --disable-pip-version-check $(1)
+$(if $(2),$(2) .venv-$*)
 @touch $@
 endef
 
