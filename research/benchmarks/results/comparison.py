@@ -28,56 +28,45 @@ TEXT = """\
 Every method learns from the same images, members and views, over the same background. All are scored by the same test images
 (24 in each cell, drawn once) and the same metrics. Bold is the best of a cell, whichever method that is."""
 TERMS = """\
-- **Equal time** is processor time on one core, from the loading of the images to the last step. Not counted are looks at the
-  eight validation images of the curves, and the frozen Gaussians that GS-Surrogate and 4DGS-HD start from. For published
-  methods the measurement of a step's time, which decides how many are planned, is not counted either; for ours it is. If their
-  training takes 15 % more or less than its time, it is repeated with as many steps as fit. Earlier ones were not: ViSNeRF took
-  longer on `euler`, `ocean` and, with one seed, `cloverleaf`; the tables have its seconds.
-  GS-Surrogate, light, of which only records are left, planned as ours does. It took 215 to 350 s of its 300 on `tgv`,
-  `cloverleaf` and `nyx`, and 1,142 s of its 1,800 on `cloverleaf`.
-- **Four processor hours** are those of two threads together. Only 4DGS-HD and ViSNeRF have them, on `cloverleaf`. This
-  surrogate had half an hour there at most, so those tables have no row of it. ViSNeRF took 16,159 s of its 14,400. Its 16,381
-  steps were set by hand, from a first training stopped after 6,450, and later ones took longer.
+- **Equal time** is processor time on one core, from the loading of the images to the last step. Looks at validation images for
+  the curves are not counted, nor are the frozen Gaussians that GS-Surrogate and 4DGS-HD start from, nor measurements of the
+  time of published methods' steps. A training that misses its time by 15 % is repeated with as many steps as fit. Earlier ones
+  were not: ViSNeRF took longer on `euler`, `ocean` and, with one seed, `cloverleaf`; the tables have its seconds.
+  GS-Surrogate, light, took 215 to 350 s of its 300 on `tgv`, `cloverleaf` and `nyx`, and 1,142 s of its 1,800 on `cloverleaf`.
+- **Four processor hours** are those of two threads together, by 4DGS-HD and ViSNeRF on `cloverleaf` alone. ViSNeRF took 16,159 s
+  of its 14,400 for 16,381 steps, which were set by hand.
 - **Where isovalues or transfer functions vary**, this surrogate first learns the base appearance in the same time, as did
-  GS-Surrogate, light. No cell shows that, and their curves begin after it. Published methods learn everything
-  together; they also get the base images where transfer functions vary. A curve is missing where an earlier version
-  recorded it on the wall's clock, which differed from the processor's.
-- **Networks of its own for functions and isosurfaces.** GS-Surrogate's authors published newer code after the paper; its two
-  networks have rows beside the paper's field, which learns functions and isovalues as further parameters. That for functions
-  first learns the images of the base as the paper's field does, in 80,000 of its 180,000 published steps, within its time here.
-  Then all of that is frozen, and opacities and colours alone follow the function. It learns each function but the base from a
-  fifth of the members, two of ten; all others learn from the three that show functions. That for isosurfaces gives the isovalue
-  an encoder of its own, changes all of the Gaussians, and is published with 150,000 steps instead of 80,000.
+  GS-Surrogate, light. No cell shows that, and their curves begin after it. Published methods learn everything together. A curve
+  is missing where it was recorded on the wall's clock.
+- **Networks of its own for functions and isosurfaces.** GS-Surrogate's newer code has two networks, which have rows beside the
+  paper's field. That for functions first learns the base in 80,000 of its 180,000 published steps, then freezes it; opacities
+  and colours alone follow the function. It learns each function from a fifth of the members, two of ten, where all others learn
+  from three. That for isosurfaces has 150,000 published steps instead of 80,000.
 - **Starved** is a method that made a few per cent of its published steps (*of the published*). Its row shows what it reaches
   in that time on a processor, not what it can do on a GPU. Every schedule is stretched or compressed to the steps that fit.
-- **Sizes.** Images with more than 128 pixels a side are averaged down to that, for all methods; they are too small for
-  MS-SSIM. A step of published sizes takes too long on a processor: InSituNet, K-Planes and ViSNeRF are smaller here, the others
-  as published. Networks of GS-Surrogate and InSituNet are trained in bfloat16 where the processor multiplies in it. Elsewhere
-  they are trained in float32, with fewer steps in the same time. Each has its own row.
-- **Samples.** Images of isosurfaces are means over their pixels. This surrogate draws them, and those of `nyx`, which are as
-  fine as their pixels, with four samples a pixel, within its time. So did GS-Surrogate, light. Published methods draw one, as
-  published.
+- **Sizes.** Images with more than 128 pixels a side are averaged down to that; they are too small for MS-SSIM. InSituNet,
+  K-Planes and ViSNeRF are smaller than published. GS-Surrogate and InSituNet train in bfloat16 where the processor multiplies in
+  it, else in float32 with fewer steps. Each has its own row.
+- **Samples.** Images of isosurfaces are means over their pixels. This surrogate, and GS-Surrogate, light, draw them, and those of
+  `nyx`, with four samples a pixel, within their time. Published methods draw one, as published.
 - **Machines** were of several kinds. If those of a scene differ, its last lines name the machine of each training.
-- **Images side by side** are of seed 0. Earlier versions did not store them with the records. Some are of a repeated training
-  with the steps, rate and seed of its record, by a script outside this repository. It was within 0.14 dB of its records,
-  except that InSituNet in `nyx` was 0.5 dB better after five minutes. A line below names lost images.
-- **Rates** of published methods are multiplied by the factor that did best in five trainings of a minute, at validation images
-  of one scene. That is `cloverleaf`, or the only scene that a network is made for. Ours are not tuned. The best factor there
-  may not be the best elsewhere: images of `nyx` and `tgv-iso` by ViSNeRF are grey after five minutes. At its published rates
-  ViSNeRF then reaches 22.1 dB in the last cell of `nyx`, at those chosen on `cloverleaf` 18.9. After thirty it reaches 27.0
-  (4,630 steps), at the chosen ones 23.6 (3,994). 4DGS-HD at its published rates reaches 32.6 dB in the last cell of `tgv` after
-  thirty minutes (8,709 steps). At 0.3 of them, which did best on `cloverleaf`, it reaches 31.5 (7,154). The trainings of thirty
-  minutes at published rates ran on another machine, which made more steps, so not all of this need be due to the rates. The
-  tables have the chosen ones; in both scenes another published method stays the best one. Published rates are those of `python
-  -m research.studies compare scenes/SCENE.toml --methods NAME --minutes M` with an empty folder of `--records`. (Those of
-  thirty minutes: commit `f0395b618d62`, AMD EPYC (avx512), 1 core, seed 0.)
+- **Images side by side** are of seed 0. Some are of a repeated training with the steps, rate and seed of its record, by a script
+  outside this repository. They are within 0.14 dB, except that InSituNet in `nyx` was 0.5 dB better after five minutes.
+- **Rates** of published methods are multiplied by the factor that did best in five trainings of a minute, at validation images.
+  Their scene is `cloverleaf`, or the only one that a network is made for. Ours are not tuned. The factor may not be the best elsewhere.
+  At its published rates ViSNeRF reaches 22.1 dB in the last cell of `nyx` after five minutes, at the chosen ones 18.9.
+  After thirty it reaches 27.0 (4,630 steps), at the chosen ones 23.6 (3,994). 4DGS-HD at its published rates reaches 32.6 dB in
+  the last cell of `tgv` after thirty minutes (8,709 steps), at the chosen 0.3 of them 31.5 (7,154). Those of thirty minutes ran
+  on another machine, which made more steps. In both scenes another published method stays the best one. (`python -m
+  research.studies compare scenes/SCENE.toml --methods NAME --minutes M` with an empty folder of `--records`; those of thirty
+  minutes: commit `f0395b618d62`, AMD EPYC (avx512), 1 core, seed 0.)
 - **Divergence.** If a longer training diverges at its rates, it is repeated at the next lower ones. Of two half hours of
-  K-Planes on `cloverleaf` at the same rates one diverged (commit `c6130f237be2`) and the other did not: the table has that.
-- **Stored images, mixed** are the best of the trivial predictors. They need a stored image at the very view, which no other
-  row does, so they have none of novel views.
+  K-Planes on `cloverleaf` at the same rates one diverged (commit `c6130f237be2`); the table has the other.
+- **Stored images, mixed** are the best of the trivial predictors. They need a stored image at the very view, so they have none
+  of novel views.
 
-The head of each file in `research/studies/baselines` names the paper or code that a method was
-written from, and the differences."""
+The head of each file in `research/studies/baselines` names the paper or code that a method was written from, and the
+differences."""
 IN_SHORT = "PSNR (dB), means over seeds; the sections below have all metrics, methods, sizes and times."
 PUBLISHED = """\
 Equal time on a processor says nothing about what a method can do.
