@@ -53,7 +53,8 @@ TERMS = """\
 - **Images side by side** are of seed 0. Some are of a repeated training with the steps, rate and seed of its record, by a script
   outside this repository. They are within 0.14 dB, except that InSituNet in `nyx` was 0.5 dB better after five minutes.
 - **Rates** of published methods are multiplied by the factor that did best in five trainings of a minute, at validation images.
-  Their scene is `cloverleaf`, or the only one that a network is made for. Ours are not tuned. The factor may not be the best elsewhere.
+  Their scene is `cloverleaf`, or the only one that a network is made for. Ours are not tuned.
+  The factor may not be the best elsewhere.
   At its published rates ViSNeRF reaches 22.1 dB in the last cell of `nyx` after five minutes, at the chosen ones 18.9.
   After thirty it reaches 27.0 (4,630 steps), at the chosen ones 23.6 (3,994). 4DGS-HD at its published rates reaches 32.6 dB in
   the last cell of `tgv` after thirty minutes (8,709 steps), at the chosen 0.3 of them 31.5 (7,154). Those of thirty minutes ran
