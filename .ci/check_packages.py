@@ -75,6 +75,8 @@ def try_wheel(source: Path, python: Path, folder: Path) -> str:
         findings = {finding["name"]: finding for finding in report["findings"]}
         if findings["kernels"]["remedy"] or not findings["gs-surrogate"]["value"].endswith("site-packages"):
             raise SystemExit(f"{wheel.name}: {findings['kernels']}, {findings['gs-surrogate']}")
+        if not (said := run([commands / half, "docs"], folder)).startswith("The documentation"):
+            raise SystemExit(f"{wheel.name}: {half} docs said {said}")
     return wheel.name
 
 

@@ -16,9 +16,10 @@ CHECKOUT = Path(__file__).resolve().parents[1]
 def place(checkout: Path = CHECKOUT) -> tuple[str, str]:
     """The site's address, empty where there is none on this machine, and a sentence that says where the documentation is."""
     sources, built = checkout / "docs", checkout / "build" / "site"
-    if (built / "index.html").is_file():
+    is_ours = (checkout / "pyproject.toml").is_file()  # other packages install a folder `docs` beside ours
+    if is_ours and (built / "index.html").is_file():
         return (built / "index.html").as_uri(), f"The documentation: {built / 'index.html'}"
-    if (sources / "conf.py").is_file():
+    if is_ours and (sources / "conf.py").is_file():
         build = f"pip install 'gs-surrogate[docs]' && python -m sphinx {sources} {built}"
         return "", f"The documentation's pages are in {sources}. Build its site: {build}"
     for entry in importlib.metadata.metadata("gs-surrogate").get_all("Project-URL") or ():
@@ -27,7 +28,8 @@ def place(checkout: Path = CHECKOUT) -> tuple[str, str]:
             return address, f"The documentation: {address}"
     return (
         "",
-        "The documentation is not installed: it is the folder `docs` of the source code. `--help` describes commands.",
+        "The documentation is not part of the wheel. It is the folder `docs` of a checkout, where `make docs` builds its site. "
+        "Here, `--help` describes commands and `help(insitu.Session)` Python.",
     )
 
 

@@ -123,6 +123,12 @@ def test_how_to_pages_fit_a_screen() -> None:
     assert {path.name: lines for path in pages if (lines := path.read_text().count("\n")) > 50} == {}
 
 
+def test_every_example_of_the_gallery_is_linked_from_a_how_to_page() -> None:
+    text = "".join(path.read_text() for path in (PROJECT / "docs" / "how-to").glob("*.md"))
+    linked = set(re.findall(r"\]\(\.\./gallery/(plot_\w+)\)", text))
+    assert linked == {path.stem for path in (PROJECT / "examples" / "gallery").glob("plot_*.py")}
+
+
 def test_questions_are_answered_by_pages() -> None:
     rows = re.findall(r"^\| (?!---|\.\.\.).* \|$", (PROJECT / "docs" / "how-to" / "index.md").read_text(), re.MULTILINE)
     assert len(rows) >= 40
