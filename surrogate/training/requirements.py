@@ -8,7 +8,7 @@ from pathlib import Path
 from surrogate.model.places import beyond_limits
 from surrogate.settings import TrainingSettings
 from surrogate.training.content import require_content
-from surrogate.training.data import training_rows
+from surrogate.training.data import MEMORY, training_rows
 from surrogate.training.source import Source
 
 NUMBERS = 23  # of a Gaussian, with colours by direction, beside its latents
@@ -65,10 +65,10 @@ def _gigabytes(count: float) -> str:
 
 
 def _image_bytes(source: Source, appearances: list[str]) -> int:
-    """Of all decoded training images of some appearances."""
+    """Of the training images of some appearances that are decoded and kept; others are read when used."""
     channels = 4 if source.catalog.plan.background is None else 3
     cameras = (row.member.cameras[row.view] for row in training_rows(source.catalog, appearances))
-    return sum(camera.width * camera.height for camera in cameras) * channels
+    return min(MEMORY, sum(camera.width * camera.height for camera in cameras) * channels)
 
 
 def _gaussian_bytes(settings: TrainingSettings) -> int:

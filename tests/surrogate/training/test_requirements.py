@@ -15,6 +15,7 @@ from click.testing import CliRunner
 from catalogs.files import durable
 from surrogate.cli import main
 from surrogate.settings import TrainingSettings
+from surrogate.training import requirements
 from surrogate.training.begin import TrainingOptions, begin
 from surrogate.training.budget import Budget
 from surrogate.training.requirements import require_possible
@@ -44,6 +45,17 @@ def test_a_model_or_images_too_large_for_memory_are_refused(tmp_path: Path, monk
         else:
             with pytest.raises(ValueError, match=r"GB of memory, and .* GB are free: the images take"):
                 require_possible(source, tmp_path)
+
+
+def test_images_that_are_read_when_used_take_no_memory(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    source = Source(TrainingSettings(gaussians=10), stored(tmp_path / "a.cdb", BLOBS))
+    free = 10 * (23 + source.settings.latent_size) * 4 * 7 + 1000
+    monkeypatch.setattr(psutil, "swap_memory", lambda: Memory(0, 0))
+    monkeypatch.setattr(psutil, "virtual_memory", lambda: Memory(free, free))
+    with pytest.raises(ValueError, match="GB are free"):
+        require_possible(source, tmp_path)
+    monkeypatch.setattr(requirements, "MEMORY", 1000)
+    require_possible(source, tmp_path)
 
 
 def test_a_disk_too_full_for_checkpoints_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
