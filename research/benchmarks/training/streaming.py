@@ -2,11 +2,11 @@
 
     python -m research.benchmarks.training.streaming CATALOG [--pictures 2000,25000] [--gaussians 40000] [--steps 100] [--write]
 
-The catalog's training members are repeated, at other places in parameter space, until they have that many pictures:
-their files are linked, so a picture is on the disk once, and in its cache once, however often it is repeated. Each
-number of pictures is trained on for so many steps and for three times as many, in processes of their own; the
-difference is the time of a step, and the greater peak of resident memory is printed. Catalogs and runs are in
-RUNS/streaming, and are removed afterwards. Prints Markdown; `--write` puts it into docs/results/training.md.
+The catalog's training members are repeated, at other places in parameter space, until they have that many pictures.
+Their files are linked, so a picture is on the disk once, and in its cache once, however often it is repeated.
+Processes of their own train on each number of pictures for `--steps` steps and for three times as many. The difference
+is the time of a step; the greater peak of resident memory is printed. Catalogs and runs are in RUNS/streaming, and are
+removed afterwards. Prints Markdown; `--write` puts it into docs/results/training.md.
 """
 
 from __future__ import annotations
