@@ -39,7 +39,7 @@ class WorkerReport:
     images: int = 0
 
 
-# In a worker of our own: the queue of its reports, and the event that asks it to stop.  It has one parent ...
+# In a worker of our own: the queue of its reports, and the shared byte that asks it to stop.  It has one parent ...
 _parent: tuple[Any, Any] | None = None
 _idle = threading.Event()  # ... and one task at a time
 _idle.set()
@@ -54,7 +54,7 @@ def send(report: WorkerReport) -> None:
         raise StopRequested
     if _parent is not None:
         reports, stop = _parent
-        if stop.is_set():
+        if stop.value:
             raise StopRequested
         reports.put(report)
 
@@ -138,14 +138,15 @@ class WorkerPool:
                 return
 
     def _start(self) -> None:
-        self._queue, self._stop = SPAWNED.Queue(), SPAWNED.Event()
+        self._queue = SPAWNED.Queue()
+        self._stop = SPAWNED.RawValue("b", 0)  # an event has a lock, and a worker that is killed may hold it for ever
         self._executor = ProcessPoolExecutor(
             self._count, mp_context=SPAWNED, initializer=_start_worker, initargs=(self._queue, self._stop)
         )
 
     def _end(self, *, at_once: bool) -> None:
         if at_once:
-            self._stop.set()
+            self._stop.value = 1
         processes = [p for p in multiprocessing.active_children() if p.pid not in self._before]
         self._executor.shutdown(wait=not at_once, cancel_futures=True)
         until = clock.monotonic() + GRACE_SECONDS
@@ -204,6 +205,6 @@ def _leave_with_parent(stop: Any) -> None:
     if parent is None:
         return
     parent.join()
-    stop.set()
+    stop.value = 1
     _idle.wait(GRACE_SECONDS)
     os._exit(1)  # this process would wait for ever for work that never comes
