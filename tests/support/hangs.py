@@ -1,7 +1,7 @@
 """Ends a process of tests that hangs, and says where: the stack of each of its threads goes to the error stream.
 
 A thread of C that needs no Python ends it, so that a hang in compiled code counts as well.  An exception in the thread that
-waits would not do: it is lost where a `finally` or a fixture waits again.  Playwright's loop never ends after one.
+waits would not do: it is lost where a `finally`, a fixture or a second run waits again.
 
 xdist puts another process in its place, which runs the test again and then the rest.  The test failed, even if it passes
 then.  The signal USR2 prints the same stacks and ends nothing, see `.ci/run`.
