@@ -77,7 +77,7 @@ def _moved(member: Member, number: int, source: Catalog) -> Member:
 
 def cost(catalog: Catalog, run: Path, gaussians: int, steps: int) -> Cost:
     """Of a training in a process of its own; raises subprocess.CalledProcessError where that fails."""
-    settings = (f"gaussians={gaussians}", "canonical_steps=0", f"deformation_steps={steps}", "validation_interval=1000")
+    settings = (f"gaussians={gaussians}", "canonical_steps=0", f"deformation_steps={steps}", "fit_to_need=false")
     command = [sys.executable, "-m", "surrogate", "train", str(catalog.path), "-o", str(run), *settings]
     started = time.perf_counter()
     process = subprocess.Popen(command, stdout=subprocess.DEVNULL)
