@@ -4,10 +4,10 @@
         [--steps 6000] [--seed 0] [--runs runs] [--write]
 
 Each member is simulated once, and rendered into one catalog for each size, from the viewpoints of the icosphere of that
-frequency. A surrogate of the same number of Gaussians and steps learns each. On test images of its own size stand: the
-Gaussians at seen and at unseen parameters, the emulated field, and the members' own stored fields of at most 64³
-samples, which no emulator of these can do better than. Catalogs and runs are in RUNS/sizes/<scene>; what is finished is
-not made again. Prints Markdown; `--write` puts it into docs/results/training.md.
+frequency. A surrogate of the same number of Gaussians and steps learns each. Test images of its own size judge the
+Gaussians at seen and at unseen parameters, and the emulated field. They judge the members' own stored fields of at most
+64³ samples, too, which no emulator of these can do better than. Catalogs and runs are in RUNS/sizes/<scene>; what is
+finished is not made again. Prints Markdown; `--write` puts it into docs/results/training.md.
 """
 
 from __future__ import annotations
