@@ -10,6 +10,12 @@ from surrogate.emulation import FieldEmulator
 from surrogate.emulation.learning_curve import FEWEST_MEASURED, LearningCurve, TooFew
 
 
+@pytest.fixture(autouse=True)
+def few_repeats(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A third of the subsets: what is held here does not need more, and each takes a fit."""
+    monkeypatch.setattr("surrogate.emulation.learning_curve.REPEATS", 4)
+
+
 def _ensemble(count: int, seed: int) -> tuple[NDArray[np.float64], NDArray[np.float32]]:
     """Points (M, 2), and fields (M, 6, 6, 6) with creases that move: errors fall by a power of the number of members."""
     points = np.random.default_rng(seed).uniform(-1.0, 1.0, (count, 2))
@@ -23,7 +29,7 @@ def _decibels(emulator: FieldEmulator, points: NDArray[np.float64], fields: NDAr
     return float(-10.0 * np.log10(np.array(errors)).mean())
 
 
-@pytest.mark.slow(seconds=10)
+@pytest.mark.slow(seconds=5)
 def test_more_members_gain_what_was_expected() -> None:
     """Beside emulators that are fitted to 24 and to 48 members, over several draws of them."""
     unseen = _ensemble(60, 99)
