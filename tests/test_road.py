@@ -28,10 +28,10 @@ if TYPE_CHECKING:
 PROJECT = Path(__file__).resolve().parent.parent
 ROAD = re.search(r"^## Two minutes\n(.*?)^## ", (PROJECT / "README.md").read_text(), re.DOTALL | re.MULTILINE)
 SMALLER = {  # what the README prints, and what is enough for a test
-    "frequency=2, width=128, height=128": "frequency=2, width=64, height=64",
+    "frequency=2, width=128, height=128": "frequency=1, width=64, height=64",
     "[np.linspace(-1, 1, 48)]": "[np.linspace(-1, 1, 24)]",
     "2 / 47": "2 / 23",
-    "--minutes 1": "--steps 900 gaussians=400",
+    "--minutes 1": "--steps 300 gaussians=400",
 }
 
 
@@ -81,7 +81,7 @@ def running(command: str, installed: Path, place: Path) -> Iterator[str]:
         process.wait()
 
 
-@pytest.mark.slow(seconds=30)
+@pytest.mark.slow(seconds=25)
 @pytest.mark.timeout(600)
 def test_from_a_loop_of_ones_own_to_the_explorer(installed: Path, place: Path, page: Page) -> None:
     (loop, in_python), (commands,) = blocks("python"), blocks("sh")
