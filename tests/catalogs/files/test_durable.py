@@ -15,6 +15,7 @@ import pytest
 
 from catalogs.files import durable
 from catalogs.store.description import check_place
+from tests.support.mortal_disk import in_child
 
 
 def test_a_failed_replacement_leaves_the_old_contents_and_nothing_else(
@@ -170,14 +171,8 @@ def test_the_lock_lets_one_in_at_a_time(tmp_path: Path) -> None:
             with durable.locked(tmp_path / "lock"):
                 counter.write_text(str(int(counter.read_text()) + 1))
 
-    children = []
-    for _ in range(4):
-        child = os.fork()
-        if child == 0:
-            count()
-            os._exit(0)
-        children.append(child)
-    assert [os.waitpid(child, 0)[1] for child in children] == [0] * 4
+    waits = [in_child(count)[1] for _ in range(4)]
+    assert [wait() for wait in waits] == [0] * 4
     assert counter.read_text() == "200"
 
 

@@ -19,6 +19,7 @@ from catalogs.store.table import JOURNAL, SPARE, CatalogTable
 from catalogs.tools.check import check
 from tests.catalogs.conftest import add_member, make_plan, picture
 from tests.support.damage import memory_at_most
+from tests.support.mortal_disk import in_child
 
 TICK = 0.01  # seconds: of the clock of stamps, within which file systems in memory show no change
 
@@ -174,11 +175,13 @@ def test_killed_between_a_member_and_its_rows_is_noticed_within_one_tick_of_the_
     add_member(small, "a", 110.0)
     kept, journal = (small.path / "data.csv").read_bytes(), (small.path / JOURNAL).read_bytes()
     stamp = os.stat(small.path / "members")
-    if os.fork() == 0:
+
+    def die_in_between() -> None:
         CatalogTable.add.__globals__["durable"].link = lambda *_: os._exit(0)
         add_member(small, "b", 120.0)
         os._exit(1)
-    os.wait()
+
+    assert in_child(die_in_between)[1]() == 0
     os.utime(small.path / "members", ns=(stamp.st_atime_ns, stamp.st_mtime_ns))
     assert (small.path / "data.csv").read_bytes() == kept
     assert (small.path / JOURNAL).read_bytes() == journal
@@ -291,14 +294,16 @@ def test_a_replacement_may_die_at_any_operation(folder: Path, exchange: bool, sa
     for step in range(1, 60):
         small = Catalog.create(folder / f"{step}.cdb", make_plan(**few_views()))
         add_member(small, "a", 110.0, seed=1)
-        child = os.fork()
-        if child == 0:
+
+        def replace_and_die(catalog: Catalog = small, step: int = step) -> None:
             if not exchange:
                 durable.exchange = no_exchange
             die_at(step)
-            replace_member(small, "a", 110.0 if same else 115.0, seed=7)
+            replace_member(catalog, "a", 110.0 if same else 115.0, seed=7)
             os._exit(1)
-        ended = os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
+
+        ended = os.waitstatus_to_exitcode(in_child(replace_and_die)[1]())
+        assert ended in (0, 1)
         table = cinema.parse((small.path / "data.csv").read_text())[1]
         if exchange:
             assert "a" in small

@@ -56,6 +56,15 @@ def renderer(session: Session) -> psutil.Process:
     return psutil.Process(session._background._renderer.process.pid)
 
 
+def wait_for(session: Session, members: int) -> None:
+    """Until that number of members is rendered."""
+    until = time.monotonic() + 120.0
+    while len(session.results) < members:
+        assert not session.failures, session.failures
+        assert time.monotonic() < until
+        time.sleep(0.01)
+
+
 def render(session: Session, width: float, **arguments: Any) -> Any:
     return session.render_member(blob(width), {"width": width}, spacing=SPACING, **arguments)
 
@@ -169,8 +178,7 @@ def test_a_slow_renderer_bounds_the_memory_and_is_told_of_once(
     session: Session, said: list[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     render(session, 0.2)
-    while not session.results:
-        time.sleep(0.01)
+    wait_for(session, 1)
     renderer(session).suspend()
     render(session, 0.3)
     render(session, 0.4)
@@ -252,8 +260,7 @@ def test_members_that_kill_renderers_leave_the_others_alone(
     monkeypatch.setattr(background, "RESTARTS", 1)
     for number, width in enumerate((0.2, 0.3, 0.4), 1):  # each after one that killed its renderer by a fault of C++
         render(session, width)
-        while len(session.results) < number:
-            time.sleep(0.01)
+        wait_for(session, number)
         os.kill(renderer(session).pid, signal.SIGSEGV)
         os.waitid(os.P_PID, renderer(session).pid, os.WEXITED | os.WNOWAIT)
     render(session, 0.5)
@@ -276,8 +283,7 @@ def test_without_an_interpreter_members_are_missing(tmp_path: Path, monkeypatch:
 @pytest.mark.slow
 def test_a_stuck_renderer_is_killed(session: Session, monkeypatch: pytest.MonkeyPatch) -> None:
     render(session, 0.2)
-    while not session.results:
-        time.sleep(0.01)
+    wait_for(session, 1)
     renderer(session).suspend()
     monkeypatch.setattr(background, "SILENCE_SECONDS", 2.0)
     stuck = renderer(session)
