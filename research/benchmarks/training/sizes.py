@@ -30,10 +30,12 @@ from insitu.hook.session import Session
 from insitu.members.planning import PlanOptions
 from render import Grid, render_views
 from research.benchmarks.page import RESULTS, command_line, made_by, publish, stopwatch, table
+from research.benchmarks.training.streaming import step_seconds
 from research.studies.repeats.run import score_model
 from surrogate.evaluation.tables import number
 from surrogate.model import Surrogate
 from surrogate.model.representation import FIELD, GAUSSIANS
+from surrogate.settings import TrainingSettings
 from surrogate.storage.runs import RunFolder
 
 PAGE, PART, FOLDER = RESULTS / "training.md", "sizes", "sizes"
@@ -43,8 +45,11 @@ HEADER = (
     "Gaussians, unseen parameters",
     "emulated field",
     "own field of 64³, drawn",
-    "processor seconds",
+    "training, processor s",
+    "a step, processor ms",
+    "with equally many a pixel",
 )
+LIKE, TIMED_STEPS = 512, 40  # pixels a side where both numbers of Gaussians are the same; steps that are timed
 STEPS_PER_SAMPLE = 0.25  # of the stored fields, when they are drawn to be judged
 
 
@@ -119,13 +124,22 @@ def _over_white(picture: NDArray[np.uint8]) -> NDArray[np.float64]:
     return shares[..., :3] + 1.0 - shares[..., 3:]  # type: ignore[no-any-return]
 
 
-def row(size: int, catalog: Catalog, surrogate: Surrogate) -> list[str]:
+def steps_timed(catalog: Catalog, size: int, gaussians: int) -> tuple[float, float]:
+    """Processor ms of a step with a number of Gaussians, and with as many a pixel as these are at 512²."""
+    counts = (gaussians, max(1, round(gaussians * (size / LIKE) ** 2)))
+    settings = (TrainingSettings(gaussians=n, canonical_steps=0, deformation_steps=TIMED_STEPS) for n in counts)
+    same, dense = (1e3 * step_seconds(catalog.path, each, TIMED_STEPS)[0] for each in settings)
+    return same, dense
+
+
+def row(size: int, catalog: Catalog, surrogate: Surrogate, count: int) -> list[str]:
     """Of the table."""
     gaussians = score_model(surrogate.using(GAUSSIANS), catalog)["cells"]["psnr"]["unseen_views"]
     field = score_model(surrogate.using(FIELD), catalog)["cells"]["psnr"]["unseen_views"]
     scores = (gaussians["seen_parameters"], gaussians["unseen_parameters"], field["unseen_parameters"])
     spent = f"{surrogate.training['processor_seconds']:,.0f}"
-    return [f"{size}²", *map(number, scores), number(own_fields_drawn(catalog)), spent]
+    timed = (f"{each:.1f}" for each in steps_timed(catalog, size, count))
+    return [f"{size}²", *map(number, scores), number(own_fields_drawn(catalog)), spent, *timed]
 
 
 def main() -> None:
@@ -150,7 +164,7 @@ def main() -> None:
         for size in sizes:
             say(f"training on {size}²")
             catalog = Catalog.open(folder / f"{size}.cdb")
-            rows.append(row(size, catalog, trained(catalog, folder / str(size), words)))
+            rows.append(row(size, catalog, trained(catalog, folder / str(size), words), given.gaussians))
             print(" | ".join(rows[-1]), flush=True)
     except (ValueError, OSError, subprocess.CalledProcessError) as error:
         parser.error(str(error))

@@ -11,33 +11,31 @@ removed afterwards. Prints Markdown; `--write` puts it into docs/results/trainin
 
 from __future__ import annotations
 
+import multiprocessing
 import os
 import shutil
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from itertools import count
 from pathlib import Path
+
+import numpy as np
 
 from catalogs.store.catalog import Catalog, Member
 from catalogs.store.members import CAMERAS, RECORD, ROWS, read_member, write_record
 from research.benchmarks.page import RESULTS, command_line, made_by, publish, stopwatch, table
+from surrogate.settings import TrainingSettings
+from surrogate.splatting.threads import one_torch_thread
+from surrogate.training.loop import StageRun
+from surrogate.training.source import Source
+from surrogate.training.stages import new_deformation, simulation_stage
 
 PAGE, PART, FOLDER = RESULTS / "training.md", "streaming", "streaming"
 HEADER = ("pictures", "decoded, GB", "peak memory, GB", "processor ms a step", "elapsed ms a step")
 WRITTEN = shutil.ignore_patterns(RECORD, ROWS, CAMERAS)  # for each member anew
-LONGER = 3  # times the steps of the shorter training
-
-
-@dataclass(frozen=True)
-class Cost:
-    """Of a process: processor and elapsed seconds, and the peak of its resident memory in bytes."""
-
-    processor: float
-    elapsed: float
-    memory: int
 
 
 def repeated(source: Catalog, path: Path, pictures: int) -> Catalog:
@@ -75,39 +73,55 @@ def _moved(member: Member, number: int, source: Catalog) -> Member:
     return replace(member, name=f"repeated-{number:05d}", parameters={**member.parameters, first.name: value})
 
 
-def cost(catalog: Catalog, run: Path, gaussians: int, steps: int) -> Cost:
-    """Of a training in a process of its own; raises subprocess.CalledProcessError where that fails."""
-    settings = (f"gaussians={gaussians}", "canonical_steps=0", f"deformation_steps={steps}", "fit_to_need=false")
-    command = [sys.executable, "-m", "surrogate", "train", str(catalog.path), "-o", str(run), *settings]
-    started = time.perf_counter()
+def peak_memory(catalog: Catalog, run: Path, words: Sequence[str]) -> int:
+    """Bytes resident in a training of its own process; raises subprocess.CalledProcessError where that fails."""
+    command = [sys.executable, "-m", "surrogate", "train", str(catalog.path), "-o", str(run), *words]
     process = subprocess.Popen(command, stdout=subprocess.DEVNULL)
     _, status, usage = os.wait4(process.pid, 0)
     process.returncode = os.waitstatus_to_exitcode(status)
     if process.returncode:
         raise subprocess.CalledProcessError(process.returncode, command)
-    memory = usage.ru_maxrss * (1 if sys.platform == "darwin" else 1024)
-    return Cost(usage.ru_utime + usage.ru_stime, time.perf_counter() - started, memory)
+    return usage.ru_maxrss * (1 if sys.platform == "darwin" else 1024)
 
 
-def row(catalog: Catalog, folder: Path, gaussians: int, steps: int) -> list[str]:
+@one_torch_thread()
+def step_seconds(catalog: Path, settings: TrainingSettings, steps: int) -> tuple[float, float]:
+    """The median of a step of stage 2 on the processor's clock and on the wall's, the first few, which are slower, aside."""
+    source = Source(settings, Catalog.open(catalog))
+    data = source.data()
+    gaussians = source.initial_gaussians(data)
+    deformation = new_deformation(gaussians, len(source.space), settings)
+    run = StageRun(simulation_stage(gaussians, deformation, settings), settings, data)
+    times = []
+    for _ in range(steps):
+        run.advance()
+        times.append((time.process_time(), time.perf_counter()))
+    spent = np.diff(np.array(times), axis=0)[steps // 4 :]  # [S, 2]
+    processor, elapsed = np.median(spent, axis=0)
+    return float(processor), float(elapsed)
+
+
+def row(catalog: Catalog, folder: Path, settings: TrainingSettings, steps: int) -> list[str]:
     """Of the table."""
     members = [member for member in catalog.members if member.split == "train"]
     cameras = [c for m in members for c, split in zip(m.cameras, m.view_splits, strict=True) if split == "train"]
     channels = 4 if catalog.plan.background is None else 3
     appearances = len(catalog.plan.appearances)
     decoded = sum(camera.width * camera.height for camera in cameras) * channels * appearances
-    short, long = (cost(catalog, folder / f"{n}-steps", gaussians, n) for n in (steps, LONGER * steps))
-    more = (LONGER - 1) * steps
-    times = (1e3 * (long.processor - short.processor) / more, 1e3 * (long.elapsed - short.elapsed) / more)
-    cells = [f"{len(cameras) * appearances:,}", f"{decoded / 1e9:.1f}", f"{max(short.memory, long.memory) / 1e9:.2f}"]
-    return [*cells, *(f"{milliseconds:.0f}" for milliseconds in times)]
+    words = [f"gaussians={settings.gaussians}", "canonical_steps=0", f"deformation_steps={steps}", "fit_to_need=false"]
+    memory = peak_memory(catalog, folder / "run", words)
+    with multiprocessing.get_context("spawn").Pool(1) as pool:
+        seconds = pool.apply(step_seconds, (catalog.path, settings, steps))
+    cells = [f"{len(cameras) * appearances:,}", f"{decoded / 1e9:.1f}", f"{memory / 1e9:.2f}"]
+    return [*cells, *(f"{1e3 * each:.0f}" for each in seconds)]
 
 
 def measured(source: Catalog, folder: Path, pictures: int, gaussians: int, steps: int) -> list[str]:
     """The table's row for a number of pictures; `folder` is removed before and afterwards."""
     shutil.rmtree(folder, ignore_errors=True)
     try:
-        return row(repeated(source, folder / "catalog.cdb", pictures), folder, gaussians, steps)
+        settings = TrainingSettings(gaussians=gaussians, canonical_steps=0, deformation_steps=steps)
+        return row(repeated(source, folder / "catalog.cdb", pictures), folder, settings, steps)
     finally:
         shutil.rmtree(folder, ignore_errors=True)
 

@@ -24,7 +24,8 @@ def test_members_are_rendered_once_at_each_size_and_scored(tmp_path: Path) -> No
     assert {size: c.plan.cameras[0].width for size, c in catalogs.items()} == {16: 16, 24: 24}
     assert [m.parameters for m in catalogs[16].members] == [m.parameters for m in catalogs[24].members]
     words = ["gaussians=100", "canonical_steps=0", "deformation_steps=40"]
-    cells = row(16, catalogs[16], trained(catalogs[16], tmp_path / "run", words))
+    cells = row(16, catalogs[16], trained(catalogs[16], tmp_path / "run", words), 200)
     assert len(cells) == len(HEADER)
     assert cells[0] == "16²"
     assert float(cells[4]) > 35.0  # a field of 16³ is stored whole
+    assert all(0.1 < float(cell) < 200.0 for cell in cells[6:])
