@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 OF_PACKAGE = {  # "": the extra of whatever needs it, for several bring it, or all of them
-    **dict.fromkeys(("vtkmodules", "pyvista", "defusedxml"), "insitu"),
+    **dict.fromkeys(("vtkmodules", "pyvista", "defusedxml", "zlib_ng"), "insitu"),
     **dict.fromkeys(("torch", "safetensors", "matplotlib"), "surrogate"),
     **dict.fromkeys(("xarray", "h5netcdf", "zarr"), "xarray"),
     **dict.fromkeys(("pytorch_msssim", "torchmetrics", "flip_evaluator"), "metrics"),

@@ -23,7 +23,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from catalogs.files import durable
+from catalogs.files import deflate, durable
 from catalogs.files.durable import Stamp
 from catalogs.files.images import MOST_CHANNELS, encode_png, read_stored, write_exr
 
@@ -68,10 +68,10 @@ class Pack:
         """An image as stored, (H, W, 4); raises PackError where it is damaged."""
         entry = self.entries[number]
         raw = self.height * self.width * MOST_CHANNELS * np.dtype(self.dtype).itemsize
-        inflater = zlib.decompressobj()
+        inflater = deflate.decompressobj()
         try:
             data = inflater.decompress(self._piece(int(entry["offset"]), int(entry["length"])), raw + 1)
-        except zlib.error as error:
+        except deflate.DeflateError as error:
             raise PackError(f"{self.path} is damaged: image {number}: {error}") from error
         if len(data) != raw or not inflater.eof or inflater.unused_data:
             raise PackError(f"{self.path} is damaged: image {number} does not fill {self.width}x{self.height} pixels")
@@ -84,7 +84,7 @@ class Pack:
         entry = self.entries[number]
         original, size = int(entry["original"]), int(entry["size"])
         data = self._piece(original, size) if original else encoded(self.pixels(number))
-        return data, len(data) == entry["size"] and zlib.crc32(data) == entry["crc"]
+        return data, len(data) == entry["size"] and deflate.crc32(data) == entry["crc"]
 
     def _piece(self, offset: int, length: int) -> bytes:
         with durable.opened(self.path) as stream:
@@ -136,7 +136,7 @@ def write_pack(path: Path, appearances: Sequence[str], files: Sequence[Path]) ->
             checksums.append(_checksum(pixels))
             dataset.id.write_direct_chunk((view, 0, 0, 0), zlib.compress(raw, LEVEL))
             place = dataset.id.get_chunk_info_by_coord((view, 0, 0, 0))
-            entries[number] = place.byte_offset, place.size, len(data), zlib.crc32(data), 0
+            entries[number] = place.byte_offset, place.size, len(data), deflate.crc32(data), 0
             if encoded(pixels) != data:
                 if len(data) > _most(len(raw)):
                     raise PackError(f"{file} can't be packed: it has {len(data)} bytes, its pixels {len(raw)}")
@@ -144,7 +144,7 @@ def write_pack(path: Path, appearances: Sequence[str], files: Sequence[Path]) ->
                 entries[number]["original"] = original.id.get_offset()
     height, width, _ = first.shape
     kind = first.dtype.itemsize
-    head = np.array((MAGIC, len(files), height, width, kind, zlib.crc32(entries.tobytes())), HEAD)
+    head = np.array((MAGIC, len(files), height, width, kind, deflate.crc32(entries.tobytes())), HEAD)
     with open(path, "r+b") as stream:
         stream.write(head.tobytes() + entries.tobytes())
     _verify(path, entries, checksums, (height, width))
@@ -183,7 +183,7 @@ def _opened(path: Path, stamp: Stamp, count: int, height: int, width: int) -> Pa
             f"{path} claims {claimed[0]} images of {claimed[2]}x{claimed[1]}; its member has {count} of {width}x{height}"
         )
     body = data[HEAD.itemsize :]
-    if len(body) != count * ENTRY.itemsize or zlib.crc32(body) != head["crc"]:
+    if len(body) != count * ENTRY.itemsize or deflate.crc32(body) != head["crc"]:
         raise PackError(f"{path} is damaged: its index has a wrong checksum")
     entries = np.frombuffer(body, ENTRY)
     dtype = "uint8" if head["bytes"] == 1 else "float32"
@@ -199,7 +199,7 @@ def _opened(path: Path, stamp: Stamp, count: int, height: int, width: int) -> Pa
 
 
 def _checksum(pixels: NDArray[Any]) -> int:
-    return zlib.crc32(pixels.tobytes())
+    return deflate.crc32(pixels.tobytes())
 
 
 def _most(raw: int) -> int:

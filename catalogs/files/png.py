@@ -10,12 +10,11 @@ header declares, and a file that ends within its last chunk.
 from __future__ import annotations
 
 import struct
-import zlib
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from catalogs.files import durable
+from catalogs.files import deflate, durable
 
 SIGNATURE = b"\x89PNG\r\n\x1a\n"
 CHANNELS = {0: 1, 2: 3, 3: 1, 4: 2, 6: 4}  # by color type
@@ -116,7 +115,7 @@ def _chunks(data: bytes) -> Iterator[tuple[bytes, memoryview]]:
             raise PngError(f"it is truncated at byte {len(data)}, a chunk should reach to {end}")
         kind = data[place + 4 : place + 8]
         (checksum,) = struct.unpack_from(">I", data, end - 4)
-        if zlib.crc32(view[place + 4 : end - 4]) != checksum:
+        if deflate.crc32(view[place + 4 : end - 4]) != checksum:
             raise PngError(f"it is damaged: the checksum of the chunk at byte {place} is wrong")
         yield kind, view[place + 8 : end - 4]
         place = end
@@ -133,10 +132,10 @@ def _header(body: memoryview) -> PngHeader:
 
 def _check_pixels(compressed: bytes, header: PngHeader) -> None:
     expected = header.row_bytes * header.height
-    inflater = zlib.decompressobj()
+    inflater = deflate.decompressobj()
     try:
         pixels = inflater.decompress(compressed, expected + 1)
-    except zlib.error as error:
+    except deflate.DeflateError as error:
         raise PngError(f"it is damaged: {error}") from error
     if len(pixels) != expected or not inflater.eof:
         raise PngError(f"its pixels fill {len(pixels)} bytes, {header.width}x{header.height} need {expected}")

@@ -94,6 +94,26 @@ def test_encoded_pictures_are_whole_and_small(tmp_path: Path) -> None:
     assert (tmp_path / "a.png").stat().st_size < 1.1 * (tmp_path / "other.png").stat().st_size
 
 
+def test_both_conversions_are_those_of_whole_numbers_for_all_pairs_of_bytes() -> None:
+    """65,536 pairs, also invalid ones, in each channel; halves are rounded up."""
+    alpha, color = np.mgrid[0:256, 0:256]
+    pixels = np.stack([color, np.roll(color, 7, axis=1), color[:, ::-1], alpha], axis=-1).astype(np.uint8)
+    wide, a = pixels[..., :3].astype(np.int64), alpha[..., None]
+    straight = (2 * 255 * np.minimum(wide, a) + a) // np.maximum(2 * a, 1)
+    assert np.array_equal(straighten(pixels), np.concatenate([straight, a], axis=-1))
+    assert np.array_equal(premultiply(pixels), np.concatenate([(wide * a + 127) // 255, a], axis=-1))
+
+
+def test_any_shape_of_pixels_is_converted() -> None:
+    pixels = every_pixel()
+    batch = np.stack([pixels, pixels[::-1]])[:, ::2, 1:]  # not contiguous
+    wanted = straighten(np.ascontiguousarray(batch))
+    assert np.array_equal(straighten(batch), wanted)
+    assert np.array_equal(premultiply(wanted), batch)
+    assert straighten(pixels[5, 100]).shape == (4,)
+    assert straighten(pixels[:0]).shape == (0, 129, 4)
+
+
 def test_another_decoder_sees_straight_alpha(tmp_path: Path) -> None:
     pixels = every_pixel()
     write_image(tmp_path / "all.png", pixels)
