@@ -28,8 +28,8 @@ def place(checkout: Path = CHECKOUT) -> tuple[str, str]:
             return address, f"The documentation: {address}"
     return (
         "",
-        "The documentation is not part of the wheel. It is the folder `docs` of a checkout, where `make docs` builds its site. "
-        "Here, `--help` describes commands and `help(insitu.Session)` Python.",
+        "The documentation is not part of the wheel. It is the folder `docs` of a checkout, where this command says how to build "
+        "its site. Here, `--help` describes commands and `help(insitu.Session)` Python.",
     )
 
 

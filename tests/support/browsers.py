@@ -26,6 +26,7 @@ PROGRAMS = ("chromium-headless-shell", "chromium", "chromium-browser", "google-c
 FLAGS = ("--disable-dev-shm-usage", "--disable-gpu", "--force-color-profile=srgb", "--hide-scrollbars")
 DESKTOP = {"width": 1280, "height": 800}
 PHONE = {"width": 390, "height": 844}
+PATIENCE = 60_000  # milliseconds: no test fails for being slow
 
 
 def find_browser() -> str | None:
@@ -79,7 +80,7 @@ def new_page(browser: Browser, complaints: list[str]) -> Iterator[NewPage]:
             **{"viewport": DESKTOP, "reduced_motion": "reduce", "color_scheme": "dark", **options}
         )
         contexts.append(context)
-        context.set_default_timeout(20_000)
+        context.set_default_timeout(PATIENCE)
         watch(context, complaints)
         return context.new_page()
 

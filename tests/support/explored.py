@@ -13,12 +13,12 @@ from PIL import Image
 
 from surrogate import Surrogate
 from surrogate.explore.request import frame_request
+from tests.support.browsers import PATIENCE
 
 if TYPE_CHECKING:
     from playwright.sync_api import Page
 
 TRIES = 100
-PATIENCE = 60_000  # milliseconds
 AT_REST = """async patience => {
   const until = performance.now() + patience, frame = () => new Promise(requestAnimationFrame);
   const { facts } = await import(new URL("explore/connection.js", document.baseURI));
