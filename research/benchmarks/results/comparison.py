@@ -12,6 +12,7 @@ from pathlib import Path
 
 from catalogs.files import durable
 from research.benchmarks.page import PROJECT, RESULTS, command_line
+from research.benchmarks.results import paper
 from research.benchmarks.results.gaps import section_of
 from research.benchmarks.results.protocol import gaps
 from research.studies.comparison import tuning
@@ -94,6 +95,7 @@ def page(records: Path, scenes: Sequence[str], drawn: Iterable[str]) -> str:
         table(("method", "published in", "steps there"), _who()),
         *(part for scene in scenes for part in _section(records / scene, results[scene], names)),
         *_published([result for of in results.values() for result in of]),
+        paper.section(),
         *_tuned(tuning.load(records)),
         *section_of(gaps(results), MISSING),
     )

@@ -26,6 +26,8 @@ SCENES = ("tgv", "cloverleaf", "nyx")
 PROTOCOL = (
     Trainings(SCENES, 5.0, seeds=3),
     Trainings(SCENES, 30.0, seeds=1),
+    Trainings(("cloverleaf-large",), 5.0, seeds=1),
+    Trainings(("cloverleaf-large",), 30.0, seeds=1),
     Trainings(("tgv-iso",), 5.0, seeds=1, methods=usual("isovalue")),
     Trainings(("tgv-tf",), 5.0, seeds=1, methods=usual("transfer_function")),
     Trainings(

@@ -36,6 +36,12 @@ def test_every_scene_has_a_section_and_rates_stand_below(records: Path) -> None:
     assert "![" not in text
 
 
+def test_figures_of_other_data_stand_apart(records: Path) -> None:
+    ours, _, others = page(records, ["one", "two"], []).partition("## The paper's own figures, on its own data")
+    assert "| ViSNeRF | 33.97 | 33.81 | 32.92 |" in others
+    assert "32.92" not in ours
+
+
 def test_who_was_trained_where_is_said_where_machines_differ(records: Path) -> None:
     def made(method: str, instructions: str) -> ComparisonResult:
         machine = {"processor": "P", "instructions": instructions, "cores": 1}
