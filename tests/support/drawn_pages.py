@@ -55,13 +55,14 @@ TEXT = """() => {
 def opened(page: Page, surrogate: Surrogate, folder: Path, title: str = "a run", modes: int | None = None) -> list[str]:
     """Open the page of a surrogate from the file system, without a network; returns the addresses that it asks for.
 
+    Its picture is small, as a browser without a card draws fields slowly.
     `modes` of the emulated field are those of `page_bytes`.
     """
     requests: list[str] = []
     page.context.set_offline(True)
     page.on("request", lambda request: None if request.url.startswith("data:") else requests.append(request.url))
     (folder / "page.html").write_bytes(page_bytes(Run(title, surrogate), None, modes))
-    page.goto((folder / "page.html").as_uri())
+    page.goto(f"{(folder / 'page.html').as_uri()}#full=256")
     page.wait_for_function("() => document.documentElement.dataset.shown")
     page.evaluate("document.querySelectorAll('.group:not(.drawer)').forEach(group => { group.open = true; })")
     return requests

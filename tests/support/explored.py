@@ -53,9 +53,13 @@ def go(page: Page, address: str) -> None:
     page.evaluate(GO, address)
 
 
-def open_explorer(page: Page, address: str, state: str = "") -> None:
-    """Go there, wait for the first whole frame, and unfold all groups of controls."""
-    page.goto(f"{address}#{state}")
+def open_explorer(page: Page, address: str, state: str = "", *, full: int = 256) -> None:
+    """Go there, wait for the first whole frame, and unfold all groups of controls.
+
+    Pictures at rest have about `full`² pixels, as what is drawn and compared here takes time; 0: as many as the page chooses.
+    """
+    size = [f"full={full}"] if full and "full=" not in state else []
+    page.goto(f"{address}#{'&'.join([*size, *filter(None, [state])])}")
     settled(page)
     unfold(page)
 

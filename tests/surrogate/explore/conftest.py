@@ -6,14 +6,20 @@ import shutil
 from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import pytest
 
 from surrogate import Surrogate
 from surrogate.explore.run import Run
 from tests.support import families
+from tests.support.browsers import DESKTOP, watch
+from tests.support.explored import open_explorer
 from tests.support.field_blobs import BLOBS, FUNCTION, FUNCTIONS, ISOVALUE, summary
 from tests.support.models import following
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Browser, Page
 
 MEMBERS = {"train-0": 0.0, "train-1": 0.5, "train-2": 1.0, "validation-0": 0.25, "test-0": 0.75} | {
     "train-3": 0.9, "validation-1": 0.6, "validation-2": 0.85
@@ -63,3 +69,16 @@ def explorer(run_folder: Path) -> Iterator[str]:
 def surrogate(run_folder: Path) -> Surrogate:
     """The run's."""
     return Surrogate.load(run_folder / "surrogate")
+
+
+@pytest.fixture(scope="session")
+def modules(browser: Browser, explorer: str) -> Iterator[Page]:
+    """One tab for all tests that only call functions of the page's modules and change nothing in it."""
+    complaints: list[str] = []
+    context = browser.new_context(viewport=DESKTOP)
+    watch(context, complaints)
+    page = context.new_page()
+    open_explorer(page, explorer)
+    yield page
+    context.close()
+    assert complaints == []

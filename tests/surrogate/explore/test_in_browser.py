@@ -15,7 +15,18 @@ from catalogs import Catalog
 from surrogate import Surrogate
 from surrogate.storage.picture_records import record_of
 from tests.support.browsers import NewPage, serious_findings
-from tests.support.explored import assert_shown, drag, drawn, open_explorer, request_of, saved, settled, shown
+from tests.support.explored import (
+    addressed,
+    assert_shown,
+    drag,
+    drawn,
+    go,
+    open_explorer,
+    request_of,
+    saved,
+    settled,
+    shown,
+)
 
 if TYPE_CHECKING:
     from playwright.sync_api import Page
@@ -40,35 +51,36 @@ def test_the_first_picture_is_the_middle_of_the_parameters(page: Page, explorer:
     assert "blobs" in page.title()
 
 
-@pytest.mark.parametrize(
-    "operate",
-    [
-        lambda page: drag(page, "#stage", 120, 0),
-        lambda page: drag(page, "#stage", 0, 90),
-        lambda page: drag(page, "#stage", 70, 40, key="Shift"),
-        lambda page: (page.mouse.move(400, 400), page.mouse.wheel(0, -300)),
-        lambda page: page.locator("#stage").press("ArrowRight"),
-        lambda page: page.locator("#stage").press("ArrowUp"),
-        lambda page: page.locator("#stage").press("Shift+ArrowDown"),
-        lambda page: page.locator("#stage").press("+"),
-        lambda page: page.locator("#stage").press("-"),
-        lambda page: page.get_by_role("button", name="Look from plus z").click(),
-        lambda page: page.get_by_role("button", name="Look from minus x").click(),
-        lambda page: drag(page, "#parameter-0", 60, 0),
-        lambda page: page.locator("#parameter-0").press("ArrowRight"),
-        lambda page: page.locator("#parameter-0").press("PageDown"),
-        lambda page: (page.get_by_label("p, exact value").fill("0.85"), page.keyboard.press("Enter")),
-        lambda page: page.locator("#background").select_option("#ffffff"),
-        lambda page: page.locator("#full").select_option("256"),
-        lambda page: page.locator("#member").select_option(label="test-0: 0.75"),
-        lambda page: page.locator("#kind-isovalue").click(),
-    ],
-)
-def test_every_control_changes_the_picture_as_the_api_does(
-    page: Page, explorer: str, surrogate: Surrogate, operate: Callable[[Page], object]
-) -> None:
+CONTROLS: list[Callable[[Page], object]] = [
+    lambda page: drag(page, "#stage", 120, 0),
+    lambda page: drag(page, "#stage", 0, 90),
+    lambda page: drag(page, "#stage", 70, 40, key="Shift"),
+    lambda page: (page.mouse.move(400, 400), page.mouse.wheel(0, -300)),
+    lambda page: page.locator("#stage").press("ArrowRight"),
+    lambda page: page.locator("#stage").press("ArrowUp"),
+    lambda page: page.locator("#stage").press("Shift+ArrowDown"),
+    lambda page: page.locator("#stage").press("+"),
+    lambda page: page.locator("#stage").press("-"),
+    lambda page: page.get_by_role("button", name="Look from plus z").click(),
+    lambda page: page.get_by_role("button", name="Look from minus x").click(),
+    lambda page: drag(page, "#parameter-0", 60, 0),
+    lambda page: page.locator("#parameter-0").press("ArrowRight"),
+    lambda page: page.locator("#parameter-0").press("PageDown"),
+    lambda page: (page.get_by_label("p, exact value").fill("0.85"), page.keyboard.press("Enter")),
+    lambda page: page.locator("#background").select_option("#ffffff"),
+    lambda page: page.locator("#full").select_option("384"),
+    lambda page: page.locator("#member").select_option(label="test-0: 0.75"),
+    lambda page: page.locator("#kind-isovalue").click(),
+]
+
+
+def test_every_control_changes_the_picture_as_the_api_does(page: Page, explorer: str, surrogate: Surrogate) -> None:
     open_explorer(page, explorer)
-    changed(page, surrogate, lambda: operate(page))
+    for operate in CONTROLS:
+        changed(page, surrogate, lambda operate=operate: operate(page))  # type: ignore[misc]
+        addressed(page)
+        go(page, "full=256")
+        settled(page)
 
 
 def test_dragging_turns_what_is_seen_towards_the_hand(page: Page, explorer: str, surrogate: Surrogate) -> None:
@@ -196,22 +208,23 @@ def test_the_stored_picture_stands_beside_the_prediction(
     assert psnr > 45  # the surrogate drew these pictures itself
 
 
-@pytest.mark.parametrize(
-    "address",
-    [
-        "mode=<script>&a.p.p=1e999&camera=1,2,3&background=red&full=9999999&against=x",
-        "a.p.p=NaN&a.show=__proto__&camera=" + ",".join(["NaN"] * 11),
-        "camera=0,0,0,0,0,0,0,0,0,0,0&a.show=transfer_function&a.c1_value=1e9&a.colors=../x",
-        "mode=sweep&sweep.name=constructor&sweep.count=1e9&sweep.second=p",
-        "%E0%A4%A&&&===;mode",
-    ],
-)
-def test_an_address_of_nonsense_shows_a_picture(page: Page, explorer: str, surrogate: Surrogate, address: str) -> None:
-    open_explorer(page, explorer, address)
-    assert_shown(page, surrogate)
-    assert page.locator("#note li").count() >= 1
-    page.locator("#note").get_by_role("button", name="Close").click()
-    assert page.locator("#note").is_hidden()
+NONSENSE = [
+    "mode=<script>&a.p.p=1e999&camera=1,2,3&background=red&full=9999999&against=x",
+    "a.p.p=NaN&a.show=__proto__&camera=" + ",".join(["NaN"] * 11),
+    "camera=0,0,0,0,0,0,0,0,0,0,0&a.show=transfer_function&a.c1_value=1e9&a.colors=../x",
+    "mode=sweep&sweep.name=constructor&sweep.count=1e9&sweep.second=p",
+    "%E0%A4%A&&&===;mode",
+]
+
+
+def test_an_address_of_nonsense_shows_a_picture(page: Page, explorer: str, surrogate: Surrogate) -> None:
+    open_explorer(page, explorer, NONSENSE[0], full=0)
+    for address in NONSENSE:
+        go(page, f"full=256&{address}")
+        assert_shown(page, surrogate)
+        assert page.locator("#note li").count() >= 1
+        page.locator("#note").get_by_role("button", name="Close").click()
+        assert page.locator("#note").is_hidden()
 
 
 def test_tabs_do_not_disturb_each_other(page: Page, new_page: NewPage, explorer: str, surrogate: Surrogate) -> None:
@@ -221,7 +234,7 @@ def test_tabs_do_not_disturb_each_other(page: Page, new_page: NewPage, explorer:
     still = assert_shown(other, surrogate)
     for _ in range(3):
         changed(page, surrogate, lambda: drag(page, "#stage", 40, 10))
-        changed(page, surrogate, lambda: page.locator("#parameter-0").press("ArrowRight"))
+        changed(page, surrogate, lambda: page.locator("#parameter-0").press("PageUp"))
     np.testing.assert_array_equal(assert_shown(other, surrogate), still)
     assert request_of(other)["settings"][0]["parameters"] == {"p": 0.5}
 
@@ -229,7 +242,7 @@ def test_tabs_do_not_disturb_each_other(page: Page, new_page: NewPage, explorer:
 def test_frames_are_small_while_something_moves_and_whole_at_rest(
     page: Page, explorer: str, surrogate: Surrogate
 ) -> None:
-    open_explorer(page, explorer)
+    open_explorer(page, explorer, full=0)
     page.mouse.move(400, 400)
     page.mouse.down()
     whole = shown(page).shape
@@ -250,10 +263,12 @@ def test_what_to_expect_is_said(page: Page, explorer: str) -> None:
     assert "ms" in page.locator("#status").inner_text()
 
 
-@pytest.mark.parametrize("state", ["", "a.show=transfer_function", "a.show=isovalue", "mode=compare", "mode=sweep"])
-def test_nothing_stands_in_the_way_of_assistive_technology(page: Page, explorer: str, state: str) -> None:
-    open_explorer(page, explorer, state)
-    assert serious_findings(page) == []
+def test_nothing_stands_in_the_way_of_assistive_technology(page: Page, explorer: str) -> None:
+    open_explorer(page, explorer)
+    for state in ("a.show=transfer_function", "a.show=isovalue", "mode=compare", "mode=sweep", ""):
+        go(page, f"full=256&{state}")
+        settled(page)
+        assert serious_findings(page) == [], state
 
 
 def test_everything_can_be_reached_by_keys(page: Page, explorer: str) -> None:

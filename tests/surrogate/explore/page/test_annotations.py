@@ -19,7 +19,7 @@ from surrogate.explore.run import Run
 from surrogate.storage.picture_records import record_of
 from tests.support.browsers import serious_findings
 from tests.support.drawn_pages import opened
-from tests.support.explored import addressed, assert_shown, open_explorer, request_of, saved, settled
+from tests.support.explored import addressed, assert_shown, go, open_explorer, request_of, saved, settled
 from tests.support.surrogates import some_surrogate
 
 if TYPE_CHECKING:
@@ -35,11 +35,9 @@ MARKS = """async size => {
 VIEWS = ["", "camera=0,-1,0,0,0,1,4,0,0,0,32", "camera=0.6,0.64,-0.48,0,0.6,0.8,0.4,0.1,0,0,60", "a.show=isovalue"]
 
 
-@pytest.mark.parametrize("view", VIEWS)
-def test_the_page_and_the_program_place_marks_alike(page: Page, explorer: str, run_folder: Path, view: str) -> None:
-    open_explorer(page, explorer, view)
-    message = request_of(page)
-    run, size = Run.open(run_folder), [700, 500]
+def assert_marked_alike(page: Page, run: Run) -> None:
+    """The page has the marks that the program places on its picture."""
+    message, size = request_of(page), [700, 500]
     request = frame_request({**message, "size": size}, run.surrogate)
     said = annotations_of(run, request.settings[0], PARTS)
     words = page.evaluate("document.querySelectorAll('.annotations text').length")
@@ -57,6 +55,15 @@ def test_the_page_and_the_program_place_marks_alike(page: Page, explorer: str, r
         assert own[2:] == list(twin[2:])
 
 
+def test_the_page_and_the_program_place_marks_alike(page: Page, explorer: str, run_folder: Path) -> None:
+    run = Run.open(run_folder)
+    open_explorer(page, explorer)
+    for view in VIEWS:
+        go(page, f"full=256&{view}")
+        settled(page)
+        assert_marked_alike(page, run)
+
+
 BOXES = """async positions => {
   const { annotationsOf } = await import("/explore/annotations.js"), box = [[-1, -1, -1], [1, 1, 1]];
   const camera = position => ({ position, target: [0, 0, 0], up: [0, 0, 1], field: 30 });
@@ -65,8 +72,7 @@ BOXES = """async positions => {
 }"""
 
 
-def test_numbers_at_a_corner_are_left_out_alike(page: Page, explorer: str) -> None:
-    open_explorer(page, explorer)
+def test_numbers_at_a_corner_are_left_out_alike(modules: Page) -> None:
     turns = np.linspace(0.0, 6.0, 16)
     positions = np.stack([6.0 * np.cos(turns), 6.0 * np.sin(turns), np.full(16, 3.6)], axis=1).tolist()
     cube = Annotations("", "", np.array([[-1.0] * 3, [1.0] * 3]), None, ("box",))
@@ -75,7 +81,7 @@ def test_numbers_at_a_corner_are_left_out_alike(page: Page, explorer: str) -> No
         camera = Camera.look_at(position, (0, 0, 0), vertical_fov_degrees=30.0, width=600, height=600)
         expected.append([mark[4] for mark in cube.marks(camera) if mark[0] == "text"])
     assert len({tuple(texts) for texts in expected}) > 4
-    assert page.evaluate(BOXES, positions) == expected
+    assert modules.evaluate(BOXES, positions) == expected
 
 
 LINES = """async cases => {
@@ -86,25 +92,23 @@ LINES = """async cases => {
 }"""
 
 
-def test_many_settings_are_broken_into_lines_alike(page: Page, explorer: str, run_folder: Path) -> None:
-    open_explorer(page, explorer)
+def test_many_settings_are_broken_into_lines_alike(modules: Page) -> None:
     said = [
         ", ".join(f"parameter_{i} = {i / 7:.5g}" for i in range(n)) + " · predicted, not simulated" for n in (1, 6, 40)
     ]
     cases = [(words, [width, 600]) for words in said for width in (200, 390, 800)]
     box = np.array([[0.0] * 3, [1.0] * 3])
-    for (words, size), found in zip(cases, page.evaluate(LINES, cases), strict=True):
+    for (words, size), found in zip(cases, modules.evaluate(LINES, cases), strict=True):
         camera = Camera.look_at((3, 0, 0), (0, 0, 0), vertical_fov_degrees=40.0, width=size[0], height=size[1])
         expected = Annotations("a run", words, box, None, ("title",)).marks(camera)
         assert found == [[mark[1][1], mark[4]] for mark in expected]
         assert len(found) <= 6
 
 
-def test_ticks_far_from_zero_tell_each_other_apart(page: Page, explorer: str) -> None:
-    open_explorer(page, explorer)
+def test_ticks_far_from_zero_tell_each_other_apart(modules: Page) -> None:
     asked = "async ends => (await import('/explore/annotations.js')).niceNumbers(...ends).texts"
     for ends in ([1e6 - 40.0, 1e6 + 40.0, 4], [-1.0, 1.0, 4], [0.0, 2e-6, 2]):
-        texts = page.evaluate(asked, ends)
+        texts = modules.evaluate(asked, ends)
         assert texts == nice_numbers(*ends)[1]
         assert len(set(texts)) == len(texts)
 
@@ -136,21 +140,25 @@ def test_each_part_is_switched_off_and_the_link_says_so(page: Page, explorer: st
     assert "names other parts than title, legend, box, axes" in page.locator("#note").inner_text()
 
 
-@pytest.mark.parametrize("way", ["click", "Enter"])
-def test_axes_look_along_themselves(page: Page, explorer: str, surrogate: Surrogate, way: str) -> None:
+def test_axes_look_along_themselves(page: Page, explorer: str, surrogate: Surrogate) -> None:
     open_explorer(page, explorer)
-    for axis, times, expected in (("x", 1, [1, 0, 0]), ("z", 1, [0, 0, 1]), ("z", 1, [0, 0, -1])):
-        for _ in range(times):
-            target = page.get_by_role("button", name=f"Look along {axis}")
-            if way == "click":
-                target.click()
-            else:
-                target.focus()
-                page.keyboard.press("Enter")
+    for axis, way, expected in (
+        ("x", "click", [1, 0, 0]),
+        ("z", "click", [0, 0, 1]),
+        ("z", "click", [0, 0, -1]),
+        ("x", "Enter", [1, 0, 0]),
+        ("z", "Enter", [0, 0, 1]),
+        ("z", "Enter", [0, 0, -1]),
+    ):
+        target = page.get_by_role("button", name=f"Look along {axis}")
+        if way == "click":
+            target.click()
+        else:
+            target.focus()
+            page.keyboard.press("Enter")
         assert_shown(page, surrogate)
         assert page.evaluate("window.explorer.state.orbit.direction") == pytest.approx(expected)
-    if way == "Enter":
-        assert page.evaluate("document.activeElement.getAttribute('aria-label')") == "Look along z"
+    assert page.evaluate("document.activeElement.getAttribute('aria-label')") == "Look along z"
     assert serious_findings(page) == []
 
 

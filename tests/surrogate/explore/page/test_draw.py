@@ -95,20 +95,19 @@ def test_half_floats_lose_little(page: Page, tmp_path: Path) -> None:
         assert decibels(found, expected) >= 65.0
 
 
-@pytest.mark.parametrize("engine", ["card", "scripts"])
-@pytest.mark.parametrize(
-    ("name", "look"),
-    [
-        ("four samples a pixel", {}),
-        ("values that follow a field, logarithmic", {}),
-        ("values", {"color_map": "viridis"}),
-        ("values", {"function": {"opacity_points": [[0.1, 0.0], [0.5, 0.9], [0.6, 0.1]]}, "color_map": "turbo"}),
-        ("values", {"function": {"opacity_points": [[0, 0.9], [1, 0]], "color_points": [[0, 1, 0, 0], [1, 0, 1, 1]]}}),
+LOOKS: dict[str, list[dict[str, Any]]] = {
+    "four samples a pixel": [{}],
+    "values that follow a field, logarithmic": [{}],
+    "values": [
+        {"color_map": "viridis"},
+        {"function": {"opacity_points": [[0.1, 0.0], [0.5, 0.9], [0.6, 0.1]]}, "color_map": "turbo"},
+        {"function": {"opacity_points": [[0, 0.9], [1, 0]], "color_points": [[0, 1, 0, 0], [1, 0, 1, 1]]}},
     ],
-)
-def test_what_is_shown_is_the_picture_in_8_bits(
-    page: Page, tmp_path: Path, name: str, look: dict[str, Any], engine: str
-) -> None:
+}
+
+
+@pytest.mark.parametrize("name", LOOKS)
+def test_what_is_shown_is_the_picture_in_8_bits(page: Page, tmp_path: Path, name: str) -> None:
     surrogate = MODELS[name]()
     opened(page, surrogate, tmp_path)
     script = """async request => {
@@ -121,31 +120,34 @@ def test_what_is_shown_is_the_picture_in_8_bits(
     }"""
     place = (CENTER + EXTENT * np.array([0.0, -2.5, 0.5])).tolist()
     seen = {"position": place, "target": CENTER.tolist(), "up": [0.0, 0.0, 1.0], "field": 40.0}
-    parameters = surrogate.space.middle
-    setting = {"parameters": parameters, "visualization": {}, "color_map": "", "using": f"gaussians-{engine}", **look}
-    request = {"settings": [setting], "camera": seen, "size": [SIDE, SIDE - 8], "background": "#336699", "form": "png"}
-    found = np.reshape(page.evaluate(script, request), (SIDE - 8, SIDE, 4))[..., :3]
     camera = Camera.look_at(place, CENTER, vertical_fov_degrees=40.0, width=SIDE, height=SIDE - 8)
-    background = (0x33 / 255, 0x66 / 255, 0x99 / 255)
-    asked = setting_of({"parameters": parameters, **look}, surrogate)
-    expected = 255.0 * asked.member(surrogate).render(camera, background=background)[..., :3]
-    assert np.ptp(expected) > 50.0
-    assert np.abs(found - expected).max() < 1.01
+    background, parameters = (0x33 / 255, 0x66 / 255, 0x99 / 255), surrogate.space.middle
+    size = {"size": [SIDE, SIDE - 8], "background": "#336699", "form": "png"}
+    for look in LOOKS[name]:
+        asked = setting_of({"parameters": parameters, **look}, surrogate)
+        expected = 255.0 * asked.member(surrogate).render(camera, background=background)[..., :3]
+        assert np.ptp(expected) > 50.0
+        for engine in ("card", "scripts"):
+            plain = {"parameters": parameters, "visualization": {}, "color_map": "", "using": f"gaussians-{engine}"}
+            found = page.evaluate(script, {"settings": [plain | look], "camera": seen, **size})
+            found = np.reshape(found, (SIDE - 8, SIDE, 4))[..., :3]
+            assert np.abs(found - expected).max() < 1.01, (look, engine)
 
 
-@pytest.mark.parametrize("name", FUNCTIONS)
-def test_nodes_are_those_of_python(page: Page, tmp_path: Path, name: str) -> None:
+def test_nodes_are_those_of_python(page: Page, tmp_path: Path) -> None:
     opened(page, carrying(), tmp_path)
     knots = ValueScale.of_function(BASE).knots
-    expected = resampled(FUNCTIONS[name], BASE.opacity_unit_distance, knots)
     script = """async ([transfer, unit, knots]) => {
       const { places, columns } = (await import("draw/nodes.js")).resampled(transfer, unit, knots);
       return [[...places], [...columns]];
     }"""
-    transfer = json.loads(json.dumps(vars(FUNCTIONS[name])))
-    places, columns = page.evaluate(script, [transfer, BASE.opacity_unit_distance, knots.tolist()])
-    np.testing.assert_allclose(places, expected.places, atol=1e-12)
-    np.testing.assert_allclose(np.reshape(columns, (-1, 4)), expected.columns, rtol=1e-9, atol=1e-12)
+    for name, function in FUNCTIONS.items():
+        expected = resampled(function, BASE.opacity_unit_distance, knots)
+        transfer = json.loads(json.dumps(vars(function)))
+        places, columns = page.evaluate(script, [transfer, BASE.opacity_unit_distance, knots.tolist()])
+        np.testing.assert_allclose(places, expected.places, atol=1e-12, err_msg=name)
+        columns = np.reshape(columns, (-1, 4))
+        np.testing.assert_allclose(columns, expected.columns, rtol=1e-9, atol=1e-12, err_msg=name)
 
 
 def test_a_file_opens_without_a_request_and_all_controls_work(page: Page, tmp_path: Path) -> None:

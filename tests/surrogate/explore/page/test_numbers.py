@@ -98,11 +98,8 @@ def test_the_ends_of_a_sweep_are_typed_in_the_same_way(page: Page, explorer: str
         (0, "0"),
     ],
 )
-def test_a_number_that_does_not_fit_loses_digits_and_not_its_exponent(
-    page: Page, explorer: str, value: float, text: str
-) -> None:
-    page.goto(explorer)
-    shown = page.evaluate("async x => (await import('/explore/numbers.js')).fitting(x)", value)
+def test_a_number_that_does_not_fit_loses_digits_and_not_its_exponent(modules: Page, value: float, text: str) -> None:
+    shown = modules.evaluate("async x => (await import('/explore/numbers.js')).fitting(x)", value)
     assert len(shown) <= 10
     assert float(shown) == pytest.approx(value, rel=1e-3)
     assert shown == text or len(text) > 10

@@ -14,7 +14,7 @@ from surrogate.explore.request import frame_request
 from surrogate.explore.run import Run
 from tests.support.browsers import serious_findings
 from tests.support.drawn_pages import opened
-from tests.support.explored import addressed, open_explorer, request_of, settled
+from tests.support.explored import addressed, go, open_explorer, request_of, settled
 
 if TYPE_CHECKING:
     from playwright.sync_api import Page
@@ -132,9 +132,8 @@ NEWEST = """async () => {
 }"""
 
 
-def test_one_question_is_asked_at_a_time_and_the_newest_next(page: Page, two: str) -> None:
-    open_explorer(page, two)
-    found = page.evaluate(NEWEST)
+def test_one_question_is_asked_at_a_time_and_the_newest_next(modules: Page) -> None:
+    found = modules.evaluate(NEWEST)
     assert found["before"] == ["first"]
     assert found["asked"] == ["first", "fourth", "sixth"]
     assert found["taken"] == [["one", "first"], ["six", "sixth"]]
@@ -156,15 +155,17 @@ def test_keys_read_and_pin_the_middle(page: Page, two: str) -> None:
     page.wait_for_function("() => window.explorer.state.pins.length === 0")
 
 
-@pytest.mark.parametrize(
-    "pins",
-    ["1,2", "1,2,x", "1,2,3;", "1,2,Infinity", ";".join(["1,2,3"] * 21)],
-    ids=["two", "text", "end", "far", "many"],
-)
-def test_pins_that_are_none_are_named(page: Page, two: str, pins: str) -> None:
-    open_explorer(page, two, f"pins={pins}")
-    assert "pins" in page.locator("#note").inner_text()
-    assert page.evaluate("window.explorer.state.pins") == []
+NO_PINS = ("1,2", "1,2,x", "1,2,3;", "1,2,Infinity", ";".join(["1,2,3"] * 21))
+
+
+def test_pins_that_are_none_are_named(page: Page, two: str) -> None:
+    open_explorer(page, two)
+    for pins in NO_PINS:
+        go(page, "")
+        assert page.locator("#note").is_hidden()
+        go(page, f"pins={pins}")
+        assert "pins" in page.locator("#note").inner_text(), pins
+        assert page.evaluate("window.explorer.state.pins") == [], pins
 
 
 def test_a_run_without_a_field_says_so(page: Page, explorer: str) -> None:
@@ -176,21 +177,21 @@ def test_a_run_without_a_field_says_so(page: Page, explorer: str) -> None:
     )
 
 
-@pytest.mark.parametrize("cut", ["", "a.slice=x,0.5", "a.clip=0.2,0.6,0,0.9,1,1"], ids=["whole", "slice", "clip"])
-def test_a_page_alone_reads_its_field(page: Page, two_run: Run, tmp_path: Path, cut: str) -> None:
+def test_a_page_alone_reads_its_field(page: Page, two_run: Run, tmp_path: Path) -> None:
     opened(page, two_run.surrogate, tmp_path, modes=12)
-    page.evaluate("address => { location.hash = address; }", cut)
-    name = cut.partition("=")[0].removeprefix("a.")
-    page.wait_for_function("name => !name || window.explorer.state.settings[0][name]", arg=name)
-    page.wait_for_function("() => window.explorer.resting")
     page.keyboard.press("v")
-    page.mouse.move(*place_of(page, 0.46, 0.52))
-    page.wait_for_function(READ)
-    place, value = expected(two_run, page)
-    first, unknown, where = page.locator("#reading").inner_text().splitlines()
-    assert float(first.replace("−", "-")) == pytest.approx(value["value"], abs=2e-3)
-    assert unknown == "error not known here"
-    assert [float(part[2:].replace("−", "-")) for part in where.split("  ")] == pytest.approx(place, abs=5e-3)
+    for right, cut in ((0.46, ""), (0.47, "a.slice=x,0.5"), (0.48, "a.clip=0.2,0.6,0,0.9,1,1")):
+        go(page, f"full=256&probe=on&{cut}")
+        page.wait_for_function("() => window.explorer.resting")
+        page.mouse.move(*place_of(page, right, 0.98))
+        page.wait_for_function("() => document.getElementById('reading').innerText === 'Nothing is seen here'")
+        page.mouse.move(*place_of(page, right, 0.52))
+        page.wait_for_function("() => document.getElementById('reading').innerText.includes('not known')")
+        place, value = expected(two_run, page)
+        first, unknown, where = page.locator("#reading").inner_text().splitlines()
+        assert float(first.replace("−", "-")) == pytest.approx(value["value"], abs=2e-3)
+        assert unknown == "error not known here"
+        assert [float(part[2:].replace("−", "-")) for part in where.split("  ")] == pytest.approx(place, abs=5e-3)
 
 
 def test_a_histogram_of_what_is_shown_lies_over_that_of_all_runs(page: Page, two: str, two_run: Run) -> None:

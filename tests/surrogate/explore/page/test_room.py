@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 import pytest
 
 from surrogate import Surrogate
-from tests.support.browsers import NewPage, serious_findings
-from tests.support.explored import addressed, assert_shown, open_explorer, request_of, settled
+from tests.support.browsers import DESKTOP, PHONE, NewPage, serious_findings
+from tests.support.explored import addressed, assert_shown, go, open_explorer, request_of, settled
 
 if TYPE_CHECKING:
     from playwright.sync_api import Page
@@ -98,7 +98,7 @@ def test_the_whole_screen_is_one_key_away(page: Page, explorer: str) -> None:
 
 def test_every_pixel_of_the_window_can_be_drawn(new_page: NewPage, explorer: str, surrogate: Surrogate) -> None:
     page = new_page(device_scale_factor=2, viewport={"width": 700, "height": 300})
-    open_explorer(page, explorer)
+    open_explorer(page, explorer, full=0)
     usual = assert_shown(page, surrogate).shape
     assert usual[0] * usual[1] == pytest.approx(512**2, rel=0.02)
     page.locator("#full").select_option("every pixel")
@@ -109,19 +109,21 @@ def test_every_pixel_of_the_window_can_be_drawn(new_page: NewPage, explorer: str
     assert "full=1&" in page.url + "&"
 
 
-@pytest.mark.parametrize("state", ["", "a.show=isovalue", "mode=compare&b.p.p=0.9", "mode=sweep&sweep.count=3"])
-@pytest.mark.parametrize("viewport", [{"width": 1280, "height": 800}, {"width": 390, "height": 844}])
-def test_light_is_as_clean_as_dark(new_page: NewPage, explorer: str, state: str, viewport: dict[str, int]) -> None:
+@pytest.mark.parametrize("viewport", [DESKTOP, PHONE], ids=["desktop", "phone"])
+def test_light_is_as_clean_as_dark(new_page: NewPage, explorer: str, viewport: dict[str, int]) -> None:
     page = new_page(color_scheme="light", viewport=viewport)
-    open_explorer(page, explorer, state)
-    assert page.evaluate("document.documentElement.dataset.theme") == "light"
-    assert serious_findings(page) == []
-    assert page.evaluate("document.documentElement.scrollWidth <= innerWidth")
+    open_explorer(page, explorer)
+    for state in ("a.show=isovalue", "mode=compare&b.p.p=0.9", "mode=sweep&sweep.count=3", ""):
+        go(page, f"full=256&{state}")
+        settled(page)
+        assert page.evaluate("document.documentElement.dataset.theme") == "light"
+        assert serious_findings(page) == [], state
+        assert page.evaluate("document.documentElement.scrollWidth <= innerWidth"), state
 
 
 def test_themes_switch_and_a_link_keeps_its_background(new_page: NewPage, explorer: str, surrogate: Surrogate) -> None:
     page = new_page(color_scheme="light")
-    open_explorer(page, explorer)
+    open_explorer(page, explorer, full=0)
     assert request_of(page)["background"] == "#ffffff"
     page.locator("#parameter-0").press("ArrowRight")
     addressed(page)

@@ -69,10 +69,9 @@ def test_they_are_played_one_after_the_other(page: Page, explorer: str, surrogat
     np.testing.assert_allclose(last["camera"]["position"], requests[1]["camera"]["position"], atol=1e-6)
 
 
-def test_the_way_between_is_even_and_goes_the_shorter_way(page: Page, explorer: str) -> None:
-    open_explorer(page, explorer)
+def test_the_way_between_is_even_and_goes_the_shorter_way(modules: Page) -> None:
     ends = ["#a.p.p=0&camera=-1,0.1,0,0,0,1,4,0,0,0,32", "#a.p.p=1&camera=-1,-0.1,0,0,0,1,16,1,0,0,32"]
-    first, half, last = page.evaluate(BETWEEN, [*ends, [0, 0.5, 1]])
+    first, half, last = modules.evaluate(BETWEEN, [*ends, [0, 0.5, 1]])
     assert [s["settings"][0]["parameters"]["p"] for s in (first, half, last)] == pytest.approx([0, 0.5, 1])
     assert half["orbit"]["distance"] == pytest.approx(8)  # the geometric mean
     assert half["orbit"]["direction"] == pytest.approx([-1, 0, 0], abs=1e-6)
