@@ -64,7 +64,7 @@ def check(path: Path, repair: bool, accept: bool) -> None:
         click.echo(tools.how_to_render_again(Catalog.open(path), done.set_aside))
     if count := len(done.findings):
         raise click.ClickException(f"{path}: {count} finding{'s' * (count > 1)}")
-    click.echo(f"{path}: nothing wrong{' any more' if repair else ''}")
+    click.echo(f"{path}: nothing wrong{' now' if repair else ''}")
 
 
 @main.command()

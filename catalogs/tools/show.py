@@ -56,7 +56,9 @@ def _catalog_lines(catalog: Catalog) -> Iterator[str]:
         facts.append(
             ("unfinished", f"{unfinished}: being written now, or left by a killed run (the next one cleans up)")
         )
-    facts += [("missing", " at ".join(filter(None, (str(m), named_values(m.parameters))))) for m in catalog.missing]
+    for missing in catalog.missing:
+        place = f" (at {named_values(missing.parameters)})" if missing.parameters else ""
+        facts.append(("missing", f"{missing}{place}"))
     yield f"Catalog {catalog.path}"
     yield from (f"  {name:<11} {fact}" for name, fact in facts)
     if len(table) > 1:

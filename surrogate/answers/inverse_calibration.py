@@ -32,6 +32,7 @@ from surrogate.storage.records import Record
 FILE = Path("answers") / "inverse-{}.json"
 RECORD, VERSION = "inverse", 3
 MOST, FEWEST = 8, 4  # validation members
+MORE = 'train on 50 or more members, of which 8 % validate, or render some with split="validation"'
 
 Array = NDArray[np.float64]
 
@@ -65,7 +66,7 @@ class InverseCalibration:
 
 
 def calibration_of(surrogate: Surrogate, catalog: Catalog, pictures: int, folder: Path | None) -> InverseCalibration:
-    """The calibration for a number of pictures, as kept in the run's folder, else measured and kept there."""
+    """The calibration for a number of pictures, as judges in the run's folder, else measured and judges there."""
     key, path = key_of(surrogate, catalog) | {"pictures": pictures}, folder and folder / str(FILE).format(pictures)
     record = None if path is None else Record.load(path, RECORD, VERSION, key)
     if record is not None:
@@ -88,7 +89,8 @@ def measure(surrogate: Surrogate, catalog: Catalog, pictures: int) -> InverseCal
     unseen = [member for member in catalog.members if member.split == "validation"]
     if len(unseen) < FEWEST:
         raise ValueError(
-            f"{catalog.path} has {len(unseen)} validation members, and at least {FEWEST} must calibrate intervals"
+            f"{catalog.path} has {len(unseen)} validation members, and at least {FEWEST} must calibrate intervals: "
+            f"{MORE}"
         )
     fair, read, truths = judged(surrogate, catalog), [], []
     for number in spread(len(unseen), MOST):
@@ -103,11 +105,13 @@ def measure(surrogate: Surrogate, catalog: Catalog, pictures: int) -> InverseCal
 
 def numbers_calibrated(residuals: NumberResiduals, catalog: Catalog) -> tuple[NumberResiduals, InverseCalibration]:
     """(residuals by the errors at validation members, the calibration by these); raises ValueError for fewer than four."""
-    fair, each, truths = with_errors(residuals.learning(catalog), catalog, "validation")
-    if len(each) < FEWEST:
+    judges = sum(m.split == "validation" and residuals.field in m.coarse_fields() for m in catalog.members)
+    if judges < FEWEST:
         raise ValueError(
-            f"{catalog.path} keeps the field of {len(each)} validation members, and at least {FEWEST} must calibrate intervals"
+            f"{catalog.path} keeps the field of {judges} validation members, and at least {FEWEST} must calibrate intervals: "
+            f"{MORE}"
         )
+    fair, each, truths = with_errors(residuals.learning(catalog), catalog, "validation")
     some = spread(len(each), MOST)
     own = InverseCalibration.of([best_fits(each[i])[0] for i in some], [truths[i] for i in some])
     # Errors are known: one observation counts as much as its error, and a solution may be as far off.

@@ -123,7 +123,8 @@ def target_of(catalog: Catalog, text: str, view: int | str | None = None) -> Tar
     if not path.is_file():
         member, colon, number = text.rpartition(":")
         if not (colon and number.isdigit() and member in catalog):
-            raise ValueError(f"{text} is neither a file nor MEMBER:VIEW of {catalog.path}")
+            such = f", such as {catalog.members[0].name}:0" if catalog.members else ""
+            raise ValueError(f"{text} is neither a file nor MEMBER:VIEW of {catalog.path}{such}")
         return stored_target(catalog, member, int(number))
     camera = recorded_camera(path)
     if view is not None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any
 
+from catalogs.version import UNKNOWN
 from surrogate.evaluation.tables import (
     HEADINGS,
     cell_table,
@@ -61,8 +62,15 @@ def page(record: Mapping[str, Any], pictures: Mapping[str, str]) -> str:
         _costs(record),
         "## Definitions",
         "\n".join(f"- **{name}**: {text}." for name, text in _definitions(record)),
-        f"<sub>Commit `{record['commit']}`, {in_words(record['machine'])}, seed {record['seed']}, {record['made']}.</sub>",
+        f"<sub>{_code(record)}, {in_words(record['machine'])}, seed {record['seed']}, {record['made']}.</sub>",
     )
+
+
+def _code(record: Mapping[str, Any]) -> str:
+    """The commit or, of installed packages, their version."""
+    if record["commit"] == UNKNOWN and "version" in record:
+        return f"Version {record['version']}"
+    return f"Commit `{record['commit']}`"
 
 
 def _picture(title: str, pictures: Mapping[str, str]) -> list[str]:
@@ -158,10 +166,11 @@ def _costs(record: Mapping[str, Any]) -> str:
     cost = seconds.get("train_processor")
     processor = "" if cost is None else f" ({number(cost, 0)} s of all cores together)"
     steps = " + ".join(str(settings[f"{stage}_steps"]) for stage in stages)
+    rendering = seconds["dataset"]
     return table(
         ("", ""),
         [
-            ("making the data set", f"{number(seconds['dataset'], 0)} s"),
+            *([] if rendering is None else [("making the data set", f"{number(rendering, 0)} s")]),
             ("training", f"{number(seconds['train'], 0)} s{processor}, {steps} steps"),
             ("model", f"{record['gaussians']:,} Gaussians, {record['model_megabytes']:.2f} MB{_emulator_size(record)}"),
             timing_row(record, "parameter_change", "a parameter change"),

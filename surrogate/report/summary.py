@@ -8,6 +8,7 @@ from datetime import UTC, datetime
 from functools import partial
 from typing import Any
 
+from catalogs.version import version
 from catalogs.vocabulary.variations import VariationSetting
 from surrogate.evaluation import evaluate, metrics, perceptual, scoring
 from surrogate.evaluation.cases import PARAMETERS, VALIDATION, VIEWS, each_cell
@@ -38,6 +39,7 @@ def summarize(
     return {
         "scene": scene,
         "commit": commit(),
+        "version": version(),
         "machine": machine(),
         "made": datetime.now(UTC).isoformat(timespec="seconds"),
         "fingerprint": fingerprint(surrogate, evaluation.unavailable),

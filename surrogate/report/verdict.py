@@ -152,7 +152,7 @@ def _leads(record: Mapping[str, Any], judges: Judges) -> Iterator[str]:
     if (ahead := _lead(record, judges, simple)) is not None and ahead >= 0.0:
         yield f"On average pictures are {ahead:.1f} dB closer to the truth than the best simple prediction ({_name(simple)})."
     elif ahead is not None:
-        yield f"**At stored views {_name(simple)} of stored pictures comes {-ahead:.1f} dB closer to the truth.**"
+        yield f"**At stored views a simple prediction ({_name(simple)}) is {-ahead:.1f} dB closer to the truth.**"
     for entry in record["trivial_predictors"]:
         gap = _lead(record, judges, entry) if entry["representation"] == FIELD else None
         if gap is not None:

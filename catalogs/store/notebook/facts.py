@@ -73,6 +73,8 @@ class Tally:
         learnt = "; learnt by its logarithm" if parameter.spans_decade and parameter.scale != "log" else ""
         if not len(values):
             return f"{parameter}{learnt}"
+        if len(values) == 1:
+            return f"{parameter}; all members at {parameter.text(values[0])}{learnt}"
         extent = f"members from {parameter.text(values[0])} to {parameter.text(values[-1])}, {len(values)} values"
         return f"{parameter}; {extent}{learnt}"
 

@@ -19,7 +19,7 @@ def test_all_that_one_asks_of_a_catalog_is_shown(catalog: Catalog) -> None:
     for text in (
         "members     2 (1 train, 0 validation, 1 test)",
         "Re in [100, 200]; members from 120 to 180, 2 values",
-        "Pr in [0.5, 2] m; members from 1 to 1, 1 values",
+        "Pr in [0.5, 2] m; all members at 1",
         "dvr: volume rendering over [0, 1], unshaded",
         "iso: isosurface at 0.25",
         "12 shared by all members (5 train, 1 validation, 6 test)",

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -13,6 +16,7 @@ from catalogs.files.images import read_image
 from catalogs.store.catalog import Catalog
 from catalogs.vocabulary.cameras import Camera
 from surrogate.answers.inverse import Fit, derivative, fitted
+from surrogate.answers.inverse_calibration import measure, numbers_calibrated
 from surrogate.answers.posterior import invert
 from surrogate.answers.sampling import distinct, margins_of, normal_samples, widened
 from surrogate.answers.targets import Target, stored_target
@@ -56,10 +60,18 @@ def test_the_command_answers_and_flags_another_picture(two: Path) -> None:
     assert answer.sentences[0].startswith("No parameters draw such a picture")
 
 
+def test_too_few_validation_members_are_refused_with_a_remedy_before_anything_is_fitted() -> None:
+    catalog: Any = SimpleNamespace(path=Path("few.cdb"), members=[])
+    with pytest.raises(ValueError, match=r"few\.cdb has 0 validation members.*train on 50 or more"):
+        measure(Mock(), catalog, 1)
+    with pytest.raises(ValueError, match=r"few\.cdb keeps the field of 0 validation members.*train on 50 or more"):
+        numbers_calibrated(Mock(learning=Mock(side_effect=AssertionError)), catalog)
+
+
 @pytest.mark.parametrize(
     ("arguments", "error"),
     [
-        (["nothing"], "neither a file nor MEMBER:VIEW"),
+        (["nothing"], "catalog.cdb, such as "),
         (["{name}:999"], "has views 0 to"),
         (["{name}:0", "--region", "1,2,3"], "--region takes X0,Y0,X1,Y1"),
         (["{name}:0", "--region", "9,9,4,4"], "must lie in 32 x 32"),

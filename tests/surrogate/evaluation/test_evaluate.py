@@ -138,7 +138,7 @@ def test_the_report_holds_all_that_it_promises(run: tuple[Surrogate, Catalog, Pa
     record = json.loads((report / "report.json").read_text())
     assert record["scene"] == "disks"
     assert record["seconds"]["dataset"] == 1.5
-    assert {"commit", "model_megabytes", "gaussians", "machine", "seed"} <= set(record)
+    assert {"commit", "version", "model_megabytes", "gaussians", "machine", "seed"} <= set(record)
     assert set(record["milliseconds"]) == {"parameter_change", "view_change"}
     for metric in METRICS:
         for views in VIEWS:
@@ -156,6 +156,7 @@ def test_the_report_holds_all_that_it_promises(run: tuple[Surrogate, Catalog, Pa
     assert page.startswith(f"# disks\n\n{record['verdict']}\n\n")
     assert record["choices"]
     assert "precision" not in page
+    assert "| making the data set | 2 s |" in page
     assert all(len(set(widths)) == 1 for widths in tables(page))
     for picture in report.glob("*.png"):
         assert f"({picture.name})" in page
@@ -163,6 +164,7 @@ def test_the_report_holds_all_that_it_promises(run: tuple[Surrogate, Catalog, Pa
     assert is_current(report, surrogate)
     write_report(report, "disks", surrogate, catalog, evaluation)  # and again, over the first
     assert json.loads((report / "report.json").read_text())["seconds"]["dataset"] is None
+    assert "making the data set" not in (report / "report.md").read_text()
     assert sorted(p.name for p in folder.iterdir()) == ["catalog.cdb", "report", "surrogate"]
     changed = replace(surrogate, training={**surrogate.training, "fingerprint": "other"})
     assert not is_current(report, changed)

@@ -128,7 +128,7 @@ def test_what_would_mislead_comes_first(changes: dict[str, Any], begins: str) ->
 def test_a_better_simple_prediction_is_named() -> None:
     said = verdict(record(trivial_predictors=[predictor("mean image", 20.0), predictor("linear interpolation", 36.0)]))
     assert said.startswith("**Believe**")
-    assert "**At stored views linear interpolation of stored pictures comes 1.0 dB closer to the truth.**" in said
+    assert "**At stored views a simple prediction (linear interpolation) is 1.0 dB closer to the truth.**" in said
 
 
 def test_nothing_else_is_said_of_blank_pictures() -> None:
