@@ -66,7 +66,7 @@ class InverseCalibration:
 
 
 def calibration_of(surrogate: Surrogate, catalog: Catalog, pictures: int, folder: Path | None) -> InverseCalibration:
-    """The calibration for a number of pictures, as judges in the run's folder, else measured and judges there."""
+    """The calibration for a number of pictures, as kept in the run's folder, else measured and kept there."""
     key, path = key_of(surrogate, catalog) | {"pictures": pictures}, folder and folder / str(FILE).format(pictures)
     record = None if path is None else Record.load(path, RECORD, VERSION, key)
     if record is not None:
