@@ -152,10 +152,9 @@ def test_nothing_is_drawn_of_what_lies_in_no_row(gyroid, smooth) -> None:
 
 
 @pytest.mark.slow
-def test_every_view_of_eight_blocks(gyroid, peaks) -> None:
+def test_views_from_everywhere_of_eight_blocks(gyroid, peaks) -> None:
     owned = kd_boxes(gyroid.shape, 8, np.random.default_rng(8))
-    cameras = views(gyroid, 252, 64)
-    assert len(cameras) == 252
+    cameras = views(gyroid, 84, 64)
     shaded = VolumeRendering("dvr", peaks, shaded=True)
     whole, parts = (composited(gyroid, boxes, shaded, cameras, sample_distance=0.05) for boxes in (one(gyroid), owned))
     for image, other in zip(parts, whole, strict=True):

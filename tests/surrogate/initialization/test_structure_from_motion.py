@@ -1,4 +1,5 @@
 import sys
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +20,16 @@ from tests.support.balls import Ball, grey, speckled, store
 
 BALL = Ball(radius=80.0, center=(505.0, -297.0, 101.0), size=160)
 PIXEL = 2.0 * 5.0 * np.tan(np.radians(16.0)) / BALL.size  # in normalized units, at the middle of the box
+
+
+@cache
+def pictures() -> dict[tuple[float, ...], NDArray[np.float32]]:
+    """What each camera sees of the speckled ball, by its position."""
+    return {tuple(camera.position): BALL.picture(camera, speckled(BALL)) for camera in BALL.cameras()}
+
+
+def speckles(camera: Camera) -> NDArray[np.float32]:
+    return pictures()[tuple(camera.position)]
 
 
 def structure(catalog: Catalog, seed: int = 0) -> StartPoints:
@@ -47,21 +58,31 @@ def test_points_lie_on_a_textured_ball(
     tmp_path: Path, background: tuple[float, float, float] | None, least: int
 ) -> None:
     """And only training views are looked at: the others are empty here."""
-    cameras, texture = BALL.cameras(), speckled(BALL)
+    cameras = BALL.cameras()
     splits = ["test" if i % 7 == 3 else "train" for i in range(len(cameras))]
     blank = cameras[3::7]
 
     def drawn(camera: Camera) -> NDArray[np.float32]:
-        return np.float32(camera not in blank) * BALL.picture(camera, texture)
+        return np.float32(camera not in blank) * speckles(camera)
 
-    catalog = store(tmp_path, BALL, texture, view_splits=splits, drawn=drawn, background=background)
+    catalog = store(tmp_path, BALL, speckled(BALL), view_splits=splits, drawn=drawn, background=background)
     check_on_surface(structure(catalog), BALL, least)
 
 
 @pytest.mark.slow
-def test_the_same_seed_gives_the_same_points(tmp_path: Path) -> None:
-    catalog = store(tmp_path, BALL, speckled(BALL), cameras=BALL.cameras()[:14])
-    first, second = structure(catalog), structure(catalog)
+def test_the_same_seed_gives_the_same_points_and_colmap_says_and_leaves_nothing(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pycolmap = pytest.importorskip("pycolmap")
+    catalog = store(tmp_path, BALL, speckled(BALL), cameras=BALL.cameras()[:14], drawn=speckles)
+    (tmp_path / "temporary").mkdir()
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path / "temporary"))
+    before = pycolmap.logging.minloglevel
+    first = structure(catalog)
+    assert capfd.readouterr() == ("", "")
+    assert pycolmap.logging.minloglevel == before
+    assert not list((tmp_path / "temporary").iterdir())
+    second = structure(catalog)
     np.testing.assert_array_equal(first.places, second.places)
     np.testing.assert_array_equal(first.colors, second.colors)
 
@@ -89,21 +110,6 @@ def test_two_features_of_one_picture_are_one_view_of_a_point(tmp_path: Path, mon
     monkeypatch.setattr(module, "triangulate", lambda *_: chance * module.FEWEST_POINTS)
     with pytest.raises(ValueError, match=r"structure from motion found 0 points"):
         structure(catalog)
-
-
-@pytest.mark.slow
-def test_colmap_says_nothing_and_leaves_nothing(
-    tmp_path: Path, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    pycolmap = pytest.importorskip("pycolmap")
-    catalog = store(tmp_path, BALL, speckled(BALL), cameras=BALL.cameras()[:14])
-    (tmp_path / "temporary").mkdir()
-    monkeypatch.setattr("tempfile.tempdir", str(tmp_path / "temporary"))
-    before = pycolmap.logging.minloglevel
-    structure(catalog)
-    assert capfd.readouterr() == ("", "")
-    assert pycolmap.logging.minloglevel == before
-    assert not list((tmp_path / "temporary").iterdir())
 
 
 def test_without_pycolmap_the_error_names_the_extra(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
