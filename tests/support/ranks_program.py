@@ -1,6 +1,6 @@
-"""The program of a simulation's ranks in tests of decomposed fields: `mpiexec -n 4 python -m tests.support.ranks_program FOLDER`.
+"""The program of the ranks in tests of decomposed fields: `mpiexec -n 4 python -m tests.support.ranks_program FOLDER PART...`.
 
-Each rank leaves what it got in rank-N.json.
+Each rank leaves what it got of each part in rank-N.json.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ import os
 import signal
 import sys
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -200,7 +200,7 @@ def wrapped(values: Any, place: dict[str, Any]) -> Any:
     return data
 
 
-def killed(folder: Path, boxes: Any) -> None:
+def killed(folder: Path, boxes: Any, told: dict[str, Any]) -> None:
     """The second member's rank 1 dies in the middle of the pictures."""
     part, place = mine(field(0.0), boxes)
     options = {**OPTIONS, "appearances": [VolumeRendering("plain", FUNCTION)], "sample_distance": STEP}
@@ -217,20 +217,18 @@ def killed(folder: Path, boxes: Any) -> None:
                 return drawn(self, cameras, float_output)
 
             Blocks._draw = dying  # type: ignore[method-assign]
-        session.render_member(part, {"p": 1.0}, **place)
+        told["second"] = outcome(lambda: session.render_member(part, {"p": 1.0}, **place))
 
 
-def main(folder: Path, what: str) -> None:
+def main(folder: Path, parts: Sequence[str]) -> None:
     boxes = kd_boxes(SHAPE, COMM.size, np.random.default_rng(11))
-    told: dict[str, Any] = {}
-    if what == "killed":
-        killed(folder, boxes)
-    else:
-        parts = {work.__name__: work for work in (pictures, partitions, mistakes, disagreements)}
-        parts[what](folder, boxes, told)
+    told: dict[str, dict[str, Any]] = {part: {} for part in parts}
+    for work in (pictures, partitions, mistakes, disagreements, killed):
+        if work.__name__ in parts:
+            work(folder, boxes, told[work.__name__])
     (folder / f"rank-{COMM.rank}.json").write_text(json.dumps(told))
 
 
 if __name__ == "__main__":
     assert insitu
-    main(Path(sys.argv[1]), sys.argv[2])
+    main(Path(sys.argv[1]), sys.argv[2:])

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+from dataclasses import dataclass
 from pathlib import Path
+from subprocess import CompletedProcess
 from typing import Any
 
 import numpy as np
@@ -15,14 +17,36 @@ from render.quality import psnr
 from tests.support.mpi import under_mpi
 
 RANKS = 4
-pytestmark = pytest.mark.slow
+PARTS = ("pictures", "partitions", "mistakes", "disagreements", "killed")
+pytestmark = [pytest.mark.slow, pytest.mark.timeout(900)]
+Told = list[dict[str, dict[str, Any]]]
 
 
-def told_by_ranks(folder: Path, what: str) -> list[dict[str, Any]]:
-    """The output of each rank for a part of the program."""
-    done = under_mpi("tests.support.ranks_program", RANKS, str(folder), what)
+@dataclass(frozen=True)
+class Ranks:
+    """The folder in which the ranks worked, their output by part, and the end of those of which one died before."""
+
+    folder: Path
+    told: Told
+    died: CompletedProcess[str]
+    survived: list[str]
+
+    def part(self, name: str) -> list[dict[str, Any]]:
+        return [one[name] for one in self.told]
+
+
+@pytest.fixture(scope="module")
+def ranks(tmp_path_factory: pytest.TempPathFactory) -> Ranks:
+    """One run of all parts, since starting four ranks takes ten seconds of a core; before it one that is killed."""
+    folder = tmp_path_factory.mktemp("ranks")
+    (folder / "kill").touch()
+    died = under_mpi("tests.support.ranks_program", RANKS, str(folder), "killed")
+    survived = [m.name for m in Catalog.open(folder / "killed.cdb").members]
+    (folder / "kill").unlink()
+    done = under_mpi("tests.support.ranks_program", RANKS, str(folder), *PARTS, seconds=600.0)
     assert done.returncode == 0, done.stdout + done.stderr
-    return [json.loads((folder / f"rank-{n}.json").read_text()) for n in range(RANKS)]
+    told = [json.loads((folder / f"rank-{n}.json").read_text()) for n in range(RANKS)]
+    return Ranks(folder, told, died, survived)
 
 
 def worst(one: Catalog, other: Catalog, appearance: str, member: str = "p-0.5", like: str | None = None) -> float:
@@ -36,13 +60,13 @@ def images(catalog: Catalog, member: str, appearance: str):
         yield catalog.image(member, appearance, view, dtype="float32")
 
 
-def test_pictures_of_four_ranks_are_those_of_one(tmp_path: Path) -> None:
-    told = told_by_ranks(tmp_path, "pictures")
+def test_pictures_of_four_ranks_are_those_of_one(ranks: Ranks) -> None:
+    told = ranks.part("pictures")
     assert all(one == told[0] for one in told)
     for form in ("png", "exr"):
         assert (told[0][f"has {form} before"], told[0][f"rendered {form}"]) == (False, "rendered")
         assert (told[0][f"has {form}"], told[0][f"again {form}"]) == (True, "skipped")
-        blocks, one, alone = (Catalog.open(tmp_path / f"{name}-{form}.cdb") for name in ("blocks", "one", "alone"))
+        blocks, one, alone = (Catalog.open(ranks.folder / f"{name}-{form}.cdb") for name in ("blocks", "one", "alone"))
         least = 90.0 if form == "exr" else 80.0
         for appearance in ("plain", "shaded"):
             assert worst(blocks, one, appearance) >= least
@@ -59,11 +83,11 @@ def test_pictures_of_four_ranks_are_those_of_one(tmp_path: Path) -> None:
         assert coarse[0] == coarse[1] == coarse[2]  # of the few samples none is averaged
 
 
-def test_however_the_blocks_come_the_pictures_are_the_same(tmp_path: Path) -> None:
-    told = told_by_ranks(tmp_path, "partitions")
+def test_however_the_blocks_come_the_pictures_are_the_same(ranks: Ranks) -> None:
+    told = ranks.part("partitions")
     for name in ("blocks", "ghosts", "shared", "levels", "blueprint"):
         assert [one[name] for one in told] == ["rendered"] * RANKS
-    catalog = Catalog.open(tmp_path / "partitions.cdb")
+    catalog = Catalog.open(ranks.folder / "partitions.cdb")
     own, ghosts, shared = (catalog.member(f"p-{p}").coarse_field() for p in (0.0, 0.2, 0.4))
     for other in (ghosts, shared):
         np.testing.assert_array_equal(other.values, own.values)
@@ -76,8 +100,8 @@ def test_however_the_blocks_come_the_pictures_are_the_same(tmp_path: Path) -> No
     assert "resampled to 35 x 26 x 30 samples (trilinear)" in told[0]["heard"][0]
 
 
-def test_a_mistake_on_one_rank_is_an_error_on_all(tmp_path: Path) -> None:
-    told = told_by_ranks(tmp_path, "mistakes")
+def test_a_mistake_on_one_rank_is_an_error_on_all(ranks: Ranks) -> None:
+    told = ranks.part("mistakes")
     for name, message in {
         "nan": "ValueError: rank 2 of 4: 1 of ",
         "warned": "ValueError: rank 2 of 4: 1 of ",
@@ -94,11 +118,11 @@ def test_a_mistake_on_one_rank_is_an_error_on_all(tmp_path: Path) -> None:
         assert len({one[name] for one in told}) == 1, name
         assert told[0][name].startswith(message), name
     assert [one["failures"] for one in told] == [{}] * RANKS
-    assert [m.name for m in Catalog.open(tmp_path / "mistakes.cdb").members] == ["p-0.0", "p-0.3"]
+    assert [m.name for m in Catalog.open(ranks.folder / "mistakes.cdb").members] == ["p-0.0", "p-0.3"]
 
 
-def test_a_rank_that_disagrees_is_named_on_all(tmp_path: Path) -> None:
-    told = told_by_ranks(tmp_path, "disagreements")
+def test_a_rank_that_disagrees_is_named_on_all(ranks: Ranks) -> None:
+    told = ranks.part("disagreements")
     together = ": all ranks render one member together, so give the same on all"
     expected = {
         "parameters": "ValueError: rank 0 gives parameters = {'p': 0.0}, rank 2 {'p': 0.1}" + together,
@@ -127,15 +151,12 @@ def test_a_rank_that_disagrees_is_named_on_all(tmp_path: Path) -> None:
         assert told[0][name].startswith(message), (name, told[0][name])
     assert "ghosts of rank 0 are [0, 0, 0], of rank 2 [1, 1, 1]" in told[0]["ghosts"]
     assert "gives" not in told[0]["no block"]
-    assert not (tmp_path / "x.cdb").exists()
+    assert not (ranks.folder / "x.cdb").exists()
 
 
-def test_a_rank_that_dies_leaves_no_half_member_and_the_next_run_goes_on(tmp_path: Path) -> None:
-    (tmp_path / "kill").touch()
-    died = under_mpi("tests.support.ranks_program", RANKS, str(tmp_path), "killed")
-    assert died.returncode != 0
-    assert "signal 9" in died.stdout + died.stderr
-    assert [m.name for m in Catalog.open(tmp_path / "killed.cdb").members] == ["p-0.0"]
-    (tmp_path / "kill").unlink()
-    told_by_ranks(tmp_path, "killed")
-    assert sorted(m.name for m in Catalog.open(tmp_path / "killed.cdb").members) == ["p-0.0", "p-1.0"]
+def test_a_rank_that_dies_leaves_no_half_member_and_the_next_run_goes_on(ranks: Ranks) -> None:
+    assert ranks.died.returncode != 0
+    assert "signal 9" in ranks.died.stdout + ranks.died.stderr
+    assert ranks.survived == ["p-0.0"]
+    assert [one["second"] for one in ranks.part("killed")] == ["rendered"] * RANKS
+    assert sorted(m.name for m in Catalog.open(ranks.folder / "killed.cdb").members) == ["p-0.0", "p-1.0"]
