@@ -24,7 +24,7 @@ PIXEL = 2.0 * 5.0 * np.tan(np.radians(16.0)) / BALL.size  # in normalized units,
 
 @cache
 def pictures() -> dict[tuple[float, ...], NDArray[np.float32]]:
-    """What each camera sees of the speckled ball, by its position."""
+    """The speckled ball as each camera sees it, by the position of the camera."""
     return {tuple(camera.position): BALL.picture(camera, speckled(BALL)) for camera in BALL.cameras()}
 
 
