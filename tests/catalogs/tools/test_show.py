@@ -9,6 +9,7 @@ from click.testing import CliRunner
 
 from catalogs.cli import main
 from catalogs.store.catalog import Catalog, CatalogError
+from catalogs.store.missing import report_missing
 from catalogs.tools.show import describe
 from catalogs.vocabulary.cameras import orbit
 from tests.catalogs.conftest import make_plan, picture
@@ -45,6 +46,14 @@ def test_members_that_are_being_written_are_shown(catalog: Catalog) -> None:
     assert "unfinished  third: being written now" in describe(catalog.path)
     with pytest.raises(RuntimeError), writer:
         raise RuntimeError
+
+
+def test_members_that_are_missing_are_shown_with_the_parameters_that_are_known(catalog: Catalog) -> None:
+    report_missing(catalog.path, "third", {"Re": 150.0, "Pr": 1.0}, "out of memory\nat line 7")
+    report_missing(catalog.path, "fourth", None, "")
+    lines = [line.strip() for line in describe(catalog.path).splitlines()]
+    assert "missing     third: out of memory (at Re=150 Pr=1)" in lines, lines
+    assert "missing     fourth: no reason recorded" in lines, lines
 
 
 def test_cameras_of_the_members_own_are_counted(tmp_path: Path) -> None:

@@ -11,6 +11,7 @@ import pytest
 from click.testing import CliRunner
 
 from catalogs.store.catalog import Catalog, CatalogPlan
+from catalogs.version import UNKNOWN
 from catalogs.vocabulary.appearance import ImportedImages
 from catalogs.vocabulary.cameras import orbit, view_splits
 from catalogs.vocabulary.parameters import Parameter, ParameterSpace
@@ -20,6 +21,7 @@ from surrogate.evaluation.evaluate import evaluate
 from surrogate.evaluation.metrics import score
 from surrogate.evaluation.scoring import METRICS, mean
 from surrogate.model import Surrogate
+from surrogate.report.page import page as page_of
 from surrogate.report.report import is_current, write_report
 from surrogate.settings import TrainingSettings
 from surrogate.training.run import train
@@ -157,6 +159,8 @@ def test_the_report_holds_all_that_it_promises(run: tuple[Surrogate, Catalog, Pa
     assert record["choices"]
     assert "precision" not in page
     assert "| making the data set | 2 s |" in page
+    assert f"<sub>Commit `{record['commit']}`, " in page
+    assert f"<sub>Version {record['version']}, " in page_of({**record, "commit": UNKNOWN}, {})
     assert all(len(set(widths)) == 1 for widths in tables(page))
     for picture in report.glob("*.png"):
         assert f"({picture.name})" in page
