@@ -50,6 +50,8 @@ def create_catalog(path: Path, pilot: Pilot, options: PlanOptions) -> Catalog:
 def disagreements(plan: CatalogPlan, options: PlanOptions) -> list[str]:
     """Everything in which `options` differ from the plan of a catalog, each named by its place with both values."""
     recorded = plan.provenance
+    has_distances = not {"target_decibels", "sample_distances"}.isdisjoint(recorded)  # isosurfaces have none
+    target = options.target_decibels if has_distances else None
     distances = options.sample_distance and given_distances(options.sample_distance, plan.appearances)
     pairs: dict[str, tuple[Any, Any]] = {
         "space": (options.space and options.space.to_json(), plan.space.to_json()),
@@ -59,7 +61,7 @@ def disagreements(plan: CatalogPlan, options: PlanOptions) -> list[str]:
             _records(plan.variations),
         ),
         "image_format": (options.image_format, plan.image_format),
-        "target_decibels": (options.target_decibels, recorded.get("target_decibels")),
+        "target_decibels": (target, recorded.get("target_decibels")),
         "sample_distances": (distances, recorded.get("sample_distances")),
     }
     compared = {place: pair for place, pair in pairs.items() if pair[0] is not None}

@@ -57,3 +57,9 @@ def test_a_plan_agrees_with_the_wishes_it_came_from_and_no_others() -> None:
     assert not disagreements(plan, PlanOptions(sample_distance=0.1))
     assert disagreements(plan, PlanOptions(image_format="exr"))
     assert disagreements(plan, PlanOptions(space=space_from({"Re": (1.0, 3.0)})))
+
+
+def test_isosurfaces_have_no_sample_distances_so_any_target_agrees() -> None:
+    views = ViewPlan(frequency=1, width=32, height=32)
+    options = PlanOptions(SPACE, (Isosurface("iso", 4.0),), views, BOX, target_decibels=50.0)
+    assert disagreements(plan_catalog(Pilot(BOX, {"": (0.0, 9.0)}, {}), options), options) == []
