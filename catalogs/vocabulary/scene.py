@@ -24,7 +24,7 @@ from catalogs.vocabulary.cameras import Camera, orbit, view_splits
 from catalogs.vocabulary.parameters import SPLITS, ParameterSpace
 from catalogs.vocabulary.quantity import Quantity, quantities_from, quantities_of
 from catalogs.vocabulary.variations import Family, Variation, variation_kind
-from catalogs.vocabulary.words import joined_names, member_line, shortened
+from catalogs.vocabulary.words import check_keys, joined_names, member_line, shortened
 
 SOURCES = ("simulation", "hooked", "loop", "hdf5", "files", "nerf", "catalog")
 PLANNED = ("simulation", "hooked")  # kinds of sources whose members the scene lists
@@ -291,6 +291,8 @@ def _parse(tables: Mapping[str, Any], path: Path) -> Scene:
     if len({a.name for a in appearances}) != len(appearances):
         raise ValueError("the names of appearances must be unique")
     check_fields(appearances)
+    check_keys(ViewPlan, tables.get("views", {}), "views")
+    check_keys(RenderPlan, tables.get("render", {}), "render")
     quantities = quantities_of(quantities_from(tables.get("fields", {})), shown_fields(appearances))
     return Scene(
         name=str(tables["name"]),

@@ -24,6 +24,13 @@ def joined_names(names: Iterable[object]) -> str:
     return ", ".join(str(name) or "''" for name in names) or "none"
 
 
+def check_keys(form: type, table: Mapping[str, Any], place: str) -> None:
+    """Raise ValueError naming the keys of a table that are not fields of a dataclass, and those that are."""
+    known = {entry.name for entry in fields(form) if entry.init}
+    if unknown := sorted(set(table) - known):
+        raise ValueError(f"{place}: unknown keys {joined_names(unknown)}; known are {joined_names(sorted(known))}")
+
+
 def counted(splits: Iterable[str]) -> str:
     """Numbers per split, such as "2 train, 0 validation, 1 test"."""
     counts = Counter(splits)

@@ -12,7 +12,7 @@ from catalogs.vocabulary.words import joined_names, shortened
 from insitu.readers import stores, vtk_files
 from insitu.readers.arrays import is_store, open_arrays
 from insitu.readers.attributes import TIME
-from insitu.readers.codes import listed_readers, reader_of
+from insitu.readers.codes import listed_readers, reader_named, reader_of
 from insitu.readers.files import is_field_file
 from insitu.readers.folders import files_below, is_folder_file
 from insitu.readers.reader import Reader, Sampling, StoredState
@@ -30,6 +30,8 @@ def dumps_below(folder: Path, name: str = "") -> list[Path]:
     """
     if is_folder_file(folder):
         return [folder]
+    if name:
+        reader_named(name)
     by_reader: dict[str, list[Path]] = {}
     for path in files_below(folder, deep=False):
         reader = reader_of(path)

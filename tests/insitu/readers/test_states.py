@@ -229,6 +229,7 @@ def test_a_scene_may_name_a_reader(tmp_path: Path, monkeypatch: pytest.MonkeyPat
         (["{folder}/a.npy"], "is not an ensemble: name a table of files"),
         (["{folder}/one.h5", "--resolution", "2", "2", "2"], "is not resampled: leave --resolution out"),
         (["{folder}", "--reader", "amrex"], "is not an ensemble"),
+        (["{folder}", "--reader", "amrx"], "there is no reader 'amrx', there are "),
         (["{folder}/clover.00001.00000.vtk", "--parameters", "step"], "give --bounds step LOW HIGH"),
     ],
 )
