@@ -26,9 +26,9 @@ def joined_names(names: Iterable[object]) -> str:
 
 def check_keys(form: type, table: Mapping[str, Any], place: str) -> None:
     """Raise ValueError naming the keys of a table that are not fields of a dataclass, and those that are."""
-    known = {entry.name for entry in fields(form) if entry.init}
-    if unknown := sorted(set(table) - known):
-        raise ValueError(f"{place}: unknown keys {joined_names(unknown)}; known are {joined_names(sorted(known))}")
+    keys = {entry.name for entry in fields(form) if entry.init}
+    if unknown := sorted(set(table) - keys):
+        raise ValueError(f"{place}: unknown keys {joined_names(unknown)}; known are {joined_names(sorted(keys))}")
 
 
 def counted(splits: Iterable[str]) -> str:
