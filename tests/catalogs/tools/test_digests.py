@@ -197,7 +197,7 @@ def test_a_member_whose_folder_is_gone_stays_as_missing(catalog: Catalog, by: st
     assert (missing.name, missing.parameters) == ("first", {"Re": 120.0, "Pr": 1.0})
     line = next(line for line in describe(catalog.path).splitlines() if line.startswith("  missing"))
     assert "first: its folder is gone" in line
-    assert line.endswith("at Re=120 Pr=1")
+    assert line.endswith(" (at Re=120 Pr=1)")
     add_member(catalog, "first", 120.0, seed=1)
     assert catalog.missing == ()
     assert check(catalog.path) == []

@@ -25,7 +25,7 @@ def test_a_cell_shows_a_page_and_its_controls_work(
     page: Page, surrogate: Surrogate, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, sandbox: str
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    (tmp_path / "run.html").write_bytes(page_bytes(Run("blobs", surrogate)))
+    (tmp_path / "flow.html").write_bytes(page_bytes(Run("blobs", surrogate)))
     (code,) = re.findall(r"```python\nfrom html.*\nHTML\((f'.*')\)\n```", DOCS.read_text(encoding="utf-8"))
     from html import escape
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
+from surrogate.explore.exporting import exports
 from tests.support.browsers import serious_findings
 from tests.support.explored import open_explorer, saved
 
@@ -15,14 +16,24 @@ if TYPE_CHECKING:
     from playwright.sync_api import Page, Route
 
 pytestmark = pytest.mark.slow
+LONG = 100_000  # steps
 
 
-def test_a_fit_says_how_far_it_is_and_is_ended(page: Page, explorer: str, tmp_path: Path) -> None:
+def test_a_fit_says_how_far_it_is_and_is_ended(
+    page: Page, explorer: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(exports, "REFIT_STEPS", LONG)
+
+    def more(route: Route) -> None:  # so that it lasts however slow the page is
+        request = json.loads(route.request.post_data or "")
+        route.continue_(post_data=json.dumps(request | {"refit": LONG}))
+
+    page.route("**/export?ticket=*", more)
     open_explorer(page, explorer)
     page.locator("#export-kind").select_option("spz")
     page.locator("#export").click()
     page.wait_for_function("() => document.querySelector('#making progress').value > 0")
-    assert page.locator("#making span").inner_text().endswith(" of 3000")
+    assert page.locator("#making span").inner_text().endswith(f" of {LONG}")
     assert page.locator("#export").is_disabled()
     page.locator("#mode-compare").click()  # the panels are built anew: the file is made all the same
     page.wait_for_function("() => document.querySelector('#making progress')?.value > 0")
