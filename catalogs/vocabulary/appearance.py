@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 from catalogs.plugins import APPEARANCES, plugins
 from catalogs.vocabulary import numbers
 from catalogs.vocabulary.plugin_appearance import MissingAppearance, PluginAppearance, plugin_kind
-from catalogs.vocabulary.words import check_keys, joined_names
+from catalogs.vocabulary.words import check_keys, joined_names, keys_of
 
 
 @dataclass(frozen=True)
@@ -231,7 +231,7 @@ def appearance_from_json(record: Mapping[str, Any], *, missing: bool = False) ->
         raise ValueError(f"appearance kind must be one of {joined_names(sorted(forms))}, got {kind!r}")
     try:
         if isinstance(values.get("transfer_function"), Mapping):
-            check_keys(TransferFunction, values["transfer_function"], "transfer_function")
+            check_keys(keys_of(TransferFunction), values["transfer_function"], "transfer_function")
             values["transfer_function"] = TransferFunction(**values["transfer_function"])
         return forms[kind](**values)
     except (TypeError, ValueError) as error:

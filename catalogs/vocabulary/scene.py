@@ -24,7 +24,7 @@ from catalogs.vocabulary.cameras import Camera, orbit, view_splits
 from catalogs.vocabulary.parameters import SPLITS, ParameterSpace
 from catalogs.vocabulary.quantity import Quantity, quantities_from, quantities_of
 from catalogs.vocabulary.variations import Family, Variation, variation_kind
-from catalogs.vocabulary.words import check_keys, joined_names, member_line, shortened
+from catalogs.vocabulary.words import check_keys, joined_names, keys_of, member_line, shortened
 
 SOURCES = ("simulation", "hooked", "loop", "hdf5", "files", "nerf", "catalog")
 PLANNED = ("simulation", "hooked")  # kinds of sources whose members the scene lists
@@ -291,8 +291,8 @@ def _parse(tables: Mapping[str, Any], path: Path) -> Scene:
     if len({a.name for a in appearances}) != len(appearances):
         raise ValueError("the names of appearances must be unique")
     check_fields(appearances)
-    check_keys(ViewPlan, tables.get("views", {}), "views")
-    check_keys(RenderPlan, tables.get("render", {}), "render")
+    check_keys(keys_of(ViewPlan), tables.get("views", {}), "views")
+    check_keys(keys_of(RenderPlan), tables.get("render", {}), "render")
     quantities = quantities_of(quantities_from(tables.get("fields", {})), shown_fields(appearances))
     return Scene(
         name=str(tables["name"]),
@@ -353,9 +353,7 @@ def _family(record: Mapping[str, Any], appearances: Sequence[Appearance]) -> tup
 
 def _members(plan: Mapping[str, Any], space: ParameterSpace, seed: int) -> tuple[PlannedMember, ...]:
     """Members per split: a count (Latin hypercube) or a list whose entries `_rows` describes."""
-    unknown = sorted(set(plan) - set(SPLITS))
-    if unknown:
-        raise ValueError(f"members: unknown keys {joined_names(unknown)}; known are {joined_names([*SPLITS, 'seed'])}")
+    check_keys([*SPLITS, "seed"], plan, "members")
     members = []
     for offset, split in enumerate(SPLITS):
         listed = plan.get(split, 0)

@@ -24,11 +24,15 @@ def joined_names(names: Iterable[object]) -> str:
     return ", ".join(str(name) or "''" for name in names) or "none"
 
 
-def check_keys(form: type, table: Mapping[str, Any], place: str) -> None:
-    """Raise ValueError naming the keys of a table that are not fields of a dataclass, and those that are."""
-    keys = {entry.name for entry in fields(form) if entry.init}
-    if unknown := sorted(set(table) - keys):
-        raise ValueError(f"{place}: unknown keys {joined_names(unknown)}; known are {joined_names(sorted(keys))}")
+def check_keys(keys: Sequence[str], table: Mapping[str, Any], place: str) -> None:
+    """Raise ValueError naming the keys of a table that are none of `keys`, and these."""
+    if unknown := sorted(set(table) - set(keys)):
+        raise ValueError(f"{place}: unknown keys {joined_names(unknown)}; known are {joined_names(keys)}")
+
+
+def keys_of(form: type) -> list[str]:
+    """Names of the fields that a dataclass is made from, in alphabetical order."""
+    return sorted(entry.name for entry in fields(form) if entry.init)
 
 
 def counted(splits: Iterable[str]) -> str:

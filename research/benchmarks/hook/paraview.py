@@ -84,7 +84,7 @@ WAYS = (
 
 
 @dataclass(frozen=True)
-class Drawn:
+class TimedViews:
     """One process's views: processor seconds of each and of the whole process, the step, and what drew them."""
 
     views: tuple[float, ...]
@@ -149,7 +149,7 @@ def pinhole(camera: Camera) -> dict[str, Any]:
     }
 
 
-def drawn(way: Way, request: Mapping[str, Any], folder: Path, pvbatch: str) -> Drawn:
+def time_views(way: Way, request: Mapping[str, Any], folder: Path, pvbatch: str) -> TimedViews:
     """The views of one process, whose images stay in `folder`; raises click.ClickException with its last words where it fails."""
     launcher, path, answer = folder / "launcher.py", folder / "request.json", Path(request["answer"])
     launcher.write_text(LAUNCHER.format(module=way.module))
@@ -161,9 +161,9 @@ def drawn(way: Way, request: Mapping[str, Any], folder: Path, pvbatch: str) -> D
     if done.returncode or not answer.exists():
         words = "\n".join((done.stdout + done.stderr).strip().splitlines()[-5:])
         raise click.ClickException(f"{way.name} ended with {done.returncode}; its last words:\n{words}")
-    found = json.loads(answer.read_text())
+    reply = json.loads(answer.read_text())
     whole = seconds_of_children() - before
-    return Drawn(tuple(found["views"]), whole, found["step"], found["version"])
+    return TimedViews(tuple(reply["views"]), whole, reply["step"], reply["version"])
 
 
 def seconds_of_children() -> float:
@@ -199,24 +199,24 @@ def case(size: int, pixels: int, views: int, runs: int, pvbatch: str) -> tuple[l
         paths = [folder / f"{view}.png" for view in range(views)]
         cameras = spread(plan_of(fields_of(plain), pixels, "cpu", plain["spacing"]).cameras, views)
         references = reference(grid, cameras)
-        found: dict[str, list[Drawn]] = {way.name: [] for way in WAYS}
+        results: dict[str, list[TimedViews]] = {way.name: [] for way in WAYS}
         cells: dict[str, list[str]] = {}
         for _ in range(runs):
             for way in WAYS:
                 for path in paths:
                     path.unlink(missing_ok=True)
                 request = request_of(way, size, pixels, cameras, folder)
-                found[way.name].append(drawn(way, request, folder, pvbatch))
+                results[way.name].append(time_views(way, request, folder, pvbatch))
                 images = np.stack([read_image(path, dtype="float32") for path in paths])
                 with_alpha, color = errors(images, references, way.settings["alpha"])
                 kilobytes = statistics.mean(path.stat().st_size for path in paths) / 1e3
                 both = ["opaque" if with_alpha is None else f"{with_alpha:.1f}", f"{color:.1f}"]
                 cells[way.name] = [*both, digits(kilobytes)]
-        rows = [row(size, pixels, way, found[way.name], cells[way.name]) for way in WAYS]
-        return rows, agreement(grid, cameras[0]), found[WAYS[0].name][0].version
+        rows = [row(size, pixels, way, results[way.name], cells[way.name]) for way in WAYS]
+        return rows, agreement(grid, cameras[0]), results[WAYS[0].name][0].version
 
 
-def row(size: int, pixels: int, way: Way, runs: Sequence[Drawn], cells: Sequence[str]) -> list[str]:
+def row(size: int, pixels: int, way: Way, runs: Sequence[TimedViews], cells: Sequence[str]) -> list[str]:
     """Medians over all views but the first of each process; the rest of a process is what its views do not take."""
     view = statistics.median(seconds for run in runs for seconds in run.views[1:])
     rest = statistics.median(run.whole - sum(run.views[1:]) for run in runs)

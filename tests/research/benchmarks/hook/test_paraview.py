@@ -22,16 +22,16 @@ from render.window import open_window
 from research.benchmarks.hook import pvbatch_views
 from research.benchmarks.hook.paraview import (
     WAYS,
-    Drawn,
+    TimedViews,
     Way,
     command_of,
-    drawn,
     errors,
     main,
     pinhole,
     request_of,
     row,
     step_of_paraview,
+    time_views,
 )
 
 HAS_PARAVIEW = shutil.which("pvbatch") and (os.environ.get("DISPLAY") or shutil.which("xvfb-run"))
@@ -72,10 +72,10 @@ def test_the_last_words_of_a_process_that_fails_are_shown(tmp_path: Path) -> Non
     pvbatch = program(tmp_path, "pvbatch", "echo 'bad X server connection' >&2; exit 3")
     request = request_of(WAYS[0], 8, 32, VIEWS, tmp_path)
     with pytest.raises(click.ClickException, match=r"(?s)GPU Based ended with 3.*bad X server connection"):
-        drawn(WAYS[0], request, tmp_path, pvbatch)
+        time_views(WAYS[0], request, tmp_path, pvbatch)
     silent = program(tmp_path, "silent")
     with pytest.raises(click.ClickException, match="GPU Based ended with 0"):
-        drawn(WAYS[0], request, tmp_path, silent)
+        time_views(WAYS[0], request, tmp_path, silent)
 
 
 @pytest.mark.parametrize("camera", VIEWS)
@@ -158,7 +158,7 @@ def test_opaque_images_are_measured_by_color_alone() -> None:
 
 
 def test_the_first_view_counts_as_the_rest() -> None:
-    runs = [Drawn((0.5, 0.02, 0.03, 0.04), 3.0, 2 / 9), Drawn((0.7, 0.03, 0.03, 0.05), 3.2, 2 / 9)]
+    runs = [TimedViews((0.5, 0.02, 0.03, 0.04), 3.0, 2 / 9), TimedViews((0.7, 0.03, 0.03, 0.05), 3.2, 2 / 9)]
     cells = row(10, 32, WAYS[-1], runs, ["55.0", "56.0", "1.0"])
     assert cells == ["10³", "32²", "hook, cpu", "1", "30.0", "55.0", "56.0", "1.0", "3.00"]
 
@@ -170,9 +170,9 @@ def test_the_hooks_ways_draw_the_requests_views(way: Way, tmp_path: Path) -> Non
     from tests.support.raymarch import march
 
     waves(16, 1.0).tofile(tmp_path / "16.raw")
-    found = drawn(way, request_of(way, 16, 32, VIEWS, tmp_path), tmp_path, "absent")
-    assert len(found.views) == len(VIEWS)
-    assert 0 < sum(found.views) < found.whole
+    result = time_views(way, request_of(way, 16, 32, VIEWS, tmp_path), tmp_path, "absent")
+    assert len(result.views) == len(VIEWS)
+    assert 0 < sum(result.views) < result.whole
     grid = to_grid(waves(16, 1.0), spacing=2 / 15, origin=(-1.0,) * 3)
     for number, camera in enumerate(VIEWS):
         image = read_image(tmp_path / f"{number}.png", dtype="float32")
