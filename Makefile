@@ -40,7 +40,7 @@ $(SETUP): $(SOURCES)
 	@$(PYTHON) .ci/check_system.py
 	$(PYTHON) -m venv .venv
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt $(shell sed -n 's/^torch==/torch==/p' constraints.txt)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[test]'
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[test,docs]'
 	@touch $@
 
 dataset: $(SETUP) $(HOOKED)
@@ -114,14 +114,10 @@ $(if $(2),$(2) .venv-$*)
 @touch $@
 endef
 
-# The documentation's site, in build/site, without the network once its tools are installed; a warning is an error, a link
-# that leads nowhere among them.  Examples that did not change are not run again; `make docs GALLERY=0` runs none.
-docs: .venv/.docs
+# The documentation's site, in build/site, without the network; a warning is an error, a link that leads nowhere among them.
+# Examples that did not change are not run again; `make docs GALLERY=0` runs none.
+docs: $(SETUP)
 	OMP_NUM_THREADS=1 $(BIN)/sphinx-build -q -n -W --keep-going -b html $(if $(filter 0,$(GALLERY)),-D plot_gallery=0) docs build/site
-
-.venv/.docs: $(SETUP)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[docs]'
-	@touch $@
 
 # The sdist, and the wheel of each Python, each alone in an empty environment: `make packages PYTHONS="python3.11 python3.12"`.
 packages: $(SETUP)
