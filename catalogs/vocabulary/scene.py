@@ -317,8 +317,7 @@ def _check_catalog_source(tables: Mapping[str, Any]) -> None:
     if surplus := sorted(set(tables) - CATALOG_TABLES):
         raise ValueError(f"source of kind catalog: {joined_names(surplus)} are in the catalog, leave them out")
     source = tables["source"]
-    if unknown := sorted(set(source) - {"kind", "path", "hold_out"}):
-        raise ValueError(f"source of kind catalog has unknown keys {joined_names(unknown)}; known are hold_out, path")
+    check_keys(["hold_out", "kind", "path"], source, "source of kind catalog")
     if not isinstance(source.get("path"), str) or not source["path"]:
         raise ValueError(f"source.path must name a catalog, from this scene's folder, got {source.get('path')!r}")
     hold_out = source.get("hold_out")

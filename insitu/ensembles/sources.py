@@ -9,7 +9,7 @@ from typing import Any
 from catalogs.vocabulary.appearance import shown_fields
 from catalogs.vocabulary.parameters import ParameterSpace
 from catalogs.vocabulary.scene import PlannedMember, Scene
-from catalogs.vocabulary.words import joined_names
+from catalogs.vocabulary.words import check_keys, joined_names
 from insitu.ensembles.dumps import TIME, FieldSource, but_time, runs_in_time
 from insitu.ensembles.files import FileEnsemble
 from insitu.ensembles.function_source import HookedSource, Simulate, scripted
@@ -158,12 +158,8 @@ def _checked_kind(table: dict[str, Any]) -> str:
     if kind not in KEYS:
         raise ValueError(f"a source of kind {kind} has no fields, its images were made elsewhere")
     needed, more = KEYS[kind]
-    unknown, missing = sorted(set(table) - needed - more), sorted(needed - set(table))
-    if unknown:
-        raise ValueError(
-            f"source of kind {kind} has unknown keys {joined_names(unknown)}; known are {joined_names(sorted(needed | more))}"
-        )
-    if missing:
+    check_keys(sorted(needed | more), table, f"source of kind {kind}")
+    if missing := sorted(needed - set(table)):
         raise ValueError(f"source of kind {kind} lacks {joined_names(missing)}")
     return kind
 
