@@ -47,7 +47,7 @@ HEADER = (
     "own field of 64³, drawn",
     "training, processor s",
     "a step, processor ms",
-    "with equally many a pixel",
+    "the same with as many Gaussians a pixel as at 512²",
 )
 LIKE, TIMED_STEPS = 512, 40  # pixels a side where both numbers of Gaussians are the same; steps that are timed
 STEPS_PER_SAMPLE = 0.25  # of the stored fields, when they are drawn to be judged
