@@ -3,8 +3,8 @@
     python -m research.benchmarks.training.windows CATALOG [--seconds 200] [--gaussians 40000] [--seed 0] [--write]
         [KEY=VALUE ...]
 
-Each row trains the simulation deformation for about the same processor time: its steps are as many as fit, by the
-median of `TIMED_STEPS` steps that are made before and thrown away. Parts are tiles of equal size, each an example of its
+Each row trains the simulation deformation for about the same processor time. Its steps are as many as fit, by the median
+of `TIMED_STEPS` steps that are made before and thrown away. Parts are tiles of equal size, each an example of its
 own, so an epoch shows each pixel once, as whole pictures do. Whole validation images judge. Pictures that exceed the
 memory for training images would be decoded anew for each tile: choose a catalog that fits. KEY=VALUE are training
 settings. Prints Markdown; `--write` puts it into docs/results/training.md.
