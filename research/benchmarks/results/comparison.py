@@ -34,7 +34,7 @@ TERMS = """\
   time of published methods' steps. A training that misses its time by 15 % is repeated with as many steps as fit. Earlier ones
   were not: ViSNeRF took longer on `euler`, `ocean` and, with one seed, `cloverleaf`; the tables have its seconds.
   GS-Surrogate, light, took 215 to 350 s of its 300 on `tgv`, `cloverleaf` and `nyx`, and 1,142 s of its 1,800 on `cloverleaf`.
-  This surrogate took 348 s of its 300 on `cloverleaf-large`, whose processors other work shared.
+  This surrogate took 348 s of its 300 on `cloverleaf-large`.
 - **Four processor hours** are those of two threads together, by 4DGS-HD and ViSNeRF on `cloverleaf` alone. ViSNeRF took 16,159 s
   of its 14,400 for 16,381 steps, which were set by hand.
 - **Where isovalues or transfer functions vary**, this surrogate first learns the base appearance in the same time, as did
@@ -43,8 +43,8 @@ TERMS = """\
 - **Networks of its own for functions and isosurfaces.** GS-Surrogate's newer code has two networks, which have rows beside the
   paper's field. That for functions first learns the base in 80,000 of its 180,000 published steps, then freezes it; opacities
   and colours alone follow the function. It learns each function from a fifth of the members, two of ten, where all others learn
-  from three. That for isosurfaces has 150,000 published steps instead of 80,000. On `tgv-tf` the first learnt from
-  images that today's renderer made again; a test image lies 62 dB from the one that judged the others.
+  from three. That for isosurfaces has 150,000 published steps instead of 80,000. On `tgv-tf` the first learnt
+  from images that today's renderer made again, and is judged by those.
 - **Starved** is a method that made a few per cent of its published steps (*of the published*). Its row shows what it reaches
   in that time on a processor, not what it can do on a GPU. Every schedule is stretched or compressed to the steps that fit.
 - **Sizes.** Images with more than 128 pixels a side are averaged down to that; they are too small for MS-SSIM. InSituNet,

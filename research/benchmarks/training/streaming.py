@@ -29,6 +29,7 @@ from catalogs.store.members import CAMERAS, RECORD, ROWS, read_member, write_rec
 from research.benchmarks.page import RESULTS, command_line, made_by, publish, stopwatch, table
 from surrogate.settings import TrainingSettings
 from surrogate.splatting.threads import one_torch_thread
+from surrogate.training.data import TrainingData
 from surrogate.training.loop import StageRun
 from surrogate.training.source import Source
 from surrogate.training.stages import new_deformation, simulation_stage
@@ -86,12 +87,20 @@ def peak_memory(catalog: Catalog, run: Path, words: Sequence[str]) -> int:
 
 @one_torch_thread()
 def step_seconds(catalog: Path, settings: TrainingSettings, steps: int) -> tuple[float, float]:
-    """The median of a step of stage 2 on the processor's clock and on the wall's, the first few, which are slower, aside."""
+    """`median_step` of stage 2."""
     source = Source(settings, Catalog.open(catalog))
-    data = source.data()
+    return median_step(deformation_run(source, source.data(), settings), steps)
+
+
+def deformation_run(source: Source, data: TrainingData, settings: TrainingSettings) -> StageRun:
+    """Stage 2 before its first step, from the source's starting Gaussians."""
     gaussians = source.initial_gaussians(data)
     deformation = new_deformation(gaussians, len(source.space), settings)
-    run = StageRun(simulation_stage(gaussians, deformation, settings), settings, data)
+    return StageRun(simulation_stage(gaussians, deformation, settings), settings, data)
+
+
+def median_step(run: StageRun, steps: int) -> tuple[float, float]:
+    """Median seconds of the next steps on the processor's clock and on the wall's, the first few, which are slower, aside."""
     times = []
     for _ in range(steps):
         run.advance()

@@ -22,12 +22,12 @@ import numpy as np
 from catalogs.store.catalog import Catalog
 from catalogs.vocabulary.cameras import Camera
 from research.benchmarks.page import RESULTS, command_line, made_by, publish, stopwatch, table
+from research.benchmarks.training.streaming import deformation_run, median_step
 from surrogate.settings import TrainingSettings, values_of_words
 from surrogate.splatting.threads import one_torch_thread
 from surrogate.training.data import Example, TrainingData
 from surrogate.training.loop import StageRun
 from surrogate.training.source import Source
-from surrogate.training.stages import new_deformation, simulation_stage
 
 PAGE, PART, TIMED_STEPS = RESULTS / "training.md", "windows", 40
 HEADER = ("a step learns", "steps", "processor ms a step", "pixels a step", "processor s", "validation, dB")
@@ -74,7 +74,7 @@ def row(source: Source, data: TrainingData, way: Way, seconds: float) -> list[st
     """Of the table."""
     examples = [tile for example in data.examples for tile in tiles(example, way.parts)]
     learnt = replace(data, examples=examples)
-    median = _median_seconds(_begun(source, learnt, way, TIMED_STEPS))
+    median, _ = median_step(_begun(source, learnt, way, TIMED_STEPS), TIMED_STEPS)
     steps, begun = max(1, round(seconds / median)), time.process_time()
     run = _begun(source, learnt, way, steps)
     run.finish()
@@ -88,18 +88,7 @@ def row(source: Source, data: TrainingData, way: Way, seconds: float) -> list[st
 
 def _begun(source: Source, data: TrainingData, way: Way, steps: int) -> StageRun:
     settings = replace(source.settings, batch=way.batch, canonical_steps=0, deformation_steps=steps)
-    gaussians = source.initial_gaussians(data)
-    deformation = new_deformation(gaussians, len(source.space), settings)
-    return StageRun(simulation_stage(gaussians, deformation, settings), settings, data)
-
-
-def _median_seconds(run: StageRun) -> float:
-    """Processor seconds of a step, the first few aside."""
-    times = []
-    for _ in range(run.stage.steps):
-        run.advance()
-        times.append(time.process_time())
-    return float(np.median(np.diff(times)[len(times) // 4 :]))
+    return deformation_run(source, data, settings)
 
 
 def rows(catalog: Path, settings: TrainingSettings, seconds: float, ways: Sequence[Way]) -> Iterator[list[str]]:
