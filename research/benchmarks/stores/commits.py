@@ -21,6 +21,7 @@ import signal
 import statistics
 import tempfile
 import time
+import traceback
 from pathlib import Path
 
 import click
@@ -36,6 +37,7 @@ from research.benchmarks.timing import digits
 
 WINDOW = 100
 WRITERS = 8
+LIFE = 10**6  # members that a writer could add before it is killed; its numbers are its own
 PICTURE = np.zeros((8, 8, 4), np.uint8)
 BOX = ((-1.0, -1.0, -1.0), (1.0, 1.0, 1.0))
 
@@ -43,7 +45,7 @@ BOX = ((-1.0, -1.0, -1.0), (1.0, 1.0, 1.0))
 def tiny_plan() -> CatalogPlan:
     """One view of one surface."""
     cameras = orbit((0.0, 0.0, 0.0), 1.7, width=8, height=8, frequency=1)[:1]
-    space = ParameterSpace((Parameter("number", 0.0, 1e6),))
+    space = ParameterSpace((Parameter("number", 0.0, 1e12),))
     return CatalogPlan(space, (Isosurface("surface", 0.5),), tuple(cameras), ("train",), BOX)
 
 
@@ -68,9 +70,9 @@ def times(path: Path, marks: list[int]) -> dict[int, float]:
 def write(path: Path, writer: int, first: int, stored: int) -> None:
     """Add members without end, each noted in the file `stored` when it is committed."""
     catalog = Catalog.open(path)
-    for number in range(first, first + 10**6):
-        name = f"w{writer}-{number:06d}"
-        add(catalog, name, writer * 10**5 + number)
+    for number in range(first, first + LIFE):
+        name = f"w{writer}-{number:09d}"
+        add(catalog, name, writer * 10**9 + number)
         os.write(stored, f"{name}\n".encode())
 
 
@@ -80,13 +82,17 @@ def kill_writers(folder: Path, kills: int) -> int:
     Catalog.create(path, tiny_plan())
     stored = os.open(folder / "stored", os.O_WRONLY | os.O_CREAT | os.O_APPEND)
     running: dict[int, int] = {}
-    for _ in range(kills):
-        for writer in set(range(WRITERS)) - set(running):
-            first[writer] += 1000
-            running[writer] = _started(path, writer, first[writer], stored)
-        time.sleep(draw.uniform(0.0, 0.1))
-        _kill(running.pop(draw.choice(list(running))))
-        _look(path)
+    try:
+        for _ in range(kills):
+            for writer in set(range(WRITERS)) - set(running):
+                running[writer] = _started(path, writer, first[writer], stored)
+                first[writer] += LIFE
+            time.sleep(draw.uniform(0.0, 0.1))
+            _kill(running.pop(draw.choice(list(running))))
+            _look(path)
+    finally:
+        for child in running.values():
+            os.kill(child, signal.SIGKILL)
     for child in running.values():
         _kill(child)
     os.close(stored)
@@ -106,6 +112,8 @@ def _started(path: Path, writer: int, first: int, stored: int) -> int:
     if child == 0:
         try:
             write(path, writer, first, stored)
+        except BaseException:
+            traceback.print_exc()
         finally:
             os._exit(1)
     return child
@@ -114,7 +122,7 @@ def _started(path: Path, writer: int, first: int, stored: int) -> int:
 def _kill(child: int) -> None:
     os.kill(child, signal.SIGKILL)
     if os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) != -signal.SIGKILL:
-        raise click.ClickException("a writer ended by itself")
+        raise click.ClickException("a writer ended by itself: its error is printed above")
 
 
 def _judge(path: Path, reported: list[str]) -> int:
