@@ -26,6 +26,7 @@ OMITTED_AT_DEFAULT = frozenset(
         "samples",
         "surface_samples",
         "batch",
+        "early_downsampling",
     }
 )
 # Former keys, all constants today: records still list them, and fingerprints still cover them.
@@ -89,6 +90,7 @@ class Bound(NamedTuple):
 ONE_OR_MORE = Bound("at least 1", lambda value: value >= 1)
 NOT_NEGATIVE = Bound("at least 0", lambda value: value >= 0)
 POSITIVE = Bound("positive", lambda value: value > 0)
+MOST_DOWNSAMPLING = 8
 MOST_SAMPLES = 4  # of a pixel, along a side; memory grows with its square
 SAMPLES = Bound(f"from 1 to {MOST_SAMPLES}", lambda value: 1 <= value <= MOST_SAMPLES)
 BOUNDS: Mapping[str, Bound] = {
@@ -112,6 +114,7 @@ BOUNDS: Mapping[str, Bound] = {
     "validation_images": NOT_NEGATIVE,
     "checkpoint_seconds": POSITIVE,
     "batch": ONE_OR_MORE,
+    "early_downsampling": Bound("1, 2, 4 or 8", lambda value: value in (1, 2, 4, MOST_DOWNSAMPLING)),
 }
 
 
@@ -148,6 +151,8 @@ class TrainingSettings:
     validation_interval, validation_images : steps between validations, and images of each; 0 for none.
     checkpoint_seconds : time between checkpoints.
     batch : images of a step; rates are multiplied by its square root.
+    early_downsampling : 1, 2, 4 or 8: side of the blocks of pixels that are averaged to one, where they divide the sides of the
+        images, in all but the last 30 % of each stage's steps; in these it falls to 1.
 
     Examples
     --------
@@ -185,6 +190,7 @@ class TrainingSettings:
     validation_images: int = 16
     checkpoint_seconds: float = 30.0
     batch: int = 1
+    early_downsampling: int = 1
 
     def __post_init__(self) -> None:
         for name, kind in _TYPES.items():

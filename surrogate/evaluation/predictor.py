@@ -10,8 +10,10 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from catalogs.vocabulary.cameras import Camera
 from surrogate.evaluation.cases import VALIDATION, Case
 from surrogate.model import MemberModel
+from surrogate.model.mean_member import MeanMember
 
 Draw = Callable[[Case], Iterable[NDArray[Any]]]
 
@@ -35,6 +37,27 @@ class Predictor(Protocol):
         """
 
 
+def one_picture(
+    member: MemberModel, camera: Camera, background: Sequence[float] | None = None
+) -> list[NDArray[np.float32]]:
+    """The picture that the member shows."""
+    return [member.render(camera, background=background)]
+
+
+def pictures_of_all(
+    member: MemberModel, camera: Camera, background: Sequence[float] | None = None
+) -> list[NDArray[np.float32]]:
+    """A picture for each representation of a surrogate, of a member that is drawn by the last of these.
+
+    The mean of two takes no further drawing.
+    """
+    return (
+        member.pictures(camera, background)
+        if isinstance(member, MeanMember)
+        else one_picture(member, camera, background)
+    )
+
+
 @dataclass(frozen=True, eq=False)
 class SurrogatePredictor:
     """A surrogate, deformed once for all views of the same parameters.
@@ -45,6 +68,7 @@ class SurrogatePredictor:
     background : the colour behind opaque images; None for images with alpha.
     parameters_of : returns the parameters at which a case is rendered, by default its own.
     at_validation : like `at`, for validation members, where the surrogate has learnt from them; see `surrogate.model.judged`.
+    pictures : of a member through a camera on the background, one for each of the `names`.
     """
 
     at: Callable[..., MemberModel]
@@ -52,6 +76,7 @@ class SurrogatePredictor:
     parameters_of: Callable[[Case], Mapping[str, float | str]] = lambda case: case.parameters
     names: Sequence[str] = ("the surrogate",)
     at_validation: Callable[..., MemberModel] | None = None
+    pictures: Callable[[MemberModel, Camera, Sequence[float] | None], list[NDArray[np.float32]]] = one_picture
 
     def batches(self, cases: Sequence[Case]) -> Iterator[tuple[Sequence[Case], Draw]]:
         """See `Predictor`."""
@@ -72,7 +97,7 @@ class SurrogatePredictor:
                 yield same, partial(_itself, self._render(member, same[0]))
 
     def _render(self, member: MemberModel, case: Case) -> list[NDArray[np.float32]]:
-        return [member.render(case.camera, background=self.background)]
+        return self.pictures(member, case.camera, self.background)
 
 
 def _itself(pictures: list[NDArray[np.float32]], _: Case) -> list[NDArray[np.float32]]:

@@ -41,8 +41,18 @@ class MeanMember:
         self, camera: Camera, background: NDArray[np.float32] | None, threads: int | None = None
     ) -> NDArray[np.float32]:
         """The same with a background from `checked_background`, on a CPU by a number of threads, None for all cores."""
+        return self._pictures(camera, background, threads)[-1]
+
+    def pictures(self, camera: Camera, background: Sequence[float] | None) -> list[NDArray[np.float32]]:
+        """The picture by the Gaussians, the one from the field, and their mean, each as `render` returns it."""
+        return self._pictures(camera, checked_background(background))
+
+    def _pictures(
+        self, camera: Camera, background: NDArray[np.float32] | None, threads: int | None = None
+    ) -> list[NDArray[np.float32]]:
         by_gaussians = self.gaussians.picture(camera, background, threads)
-        return 0.5 * (by_gaussians + self.emulated.picture(camera, background, threads))
+        from_field = self.emulated.picture(camera, background, threads)
+        return [by_gaussians, from_field, 0.5 * (by_gaussians + from_field)]
 
     def sample(self, places: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """The field and its standard deviation at world places (N, 3); see `EmulatedMember.sample`."""

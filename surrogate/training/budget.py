@@ -6,6 +6,9 @@ of Gaussians follows at a stated speed, so that a busy machine makes a model of 
 The rules did best on validation images in equal time, on pictures of 64 to 256 pixels a side.  Where members looked much alike,
 Gaussians were worth more than steps, so they grow with the time; where members differed strongly, steps were.  Where little of a
 picture shows anything, few Gaussians were enough.
+
+Pictures from 256 pixels on are downsampled in early steps, and in little time there are as many Gaussians as the small pictures are
+worth.  Not where members look much alike: there it cost 1.3 dB (tgv-dvr, two minutes: 45.5 instead of 46.7).
 """
 
 from __future__ import annotations
@@ -22,9 +25,13 @@ from native.threads import cores as available_cores
 from surrogate.settings import TrainingSettings
 from surrogate.splatting.cuda import chosen_device
 from surrogate.training.content import changing_share, roughness, sampled, visible_pixels
-from surrogate.training.data import ImageRow, fitting_in_memory, training_rows, validation_rows
+from surrogate.training.data import ImageRow, training_rows, validation_rows
+from surrogate.training.downsampling import fitting_factor, shares
+from surrogate.training.emulator import lacking
+from surrogate.training.other_functions import PIXELS
 from surrogate.training.pace import Clock, Pace, measure_pace
 from surrogate.training.ranks import ALONE, Ranks
+from surrogate.training.reading import Reading, pixels
 from surrogate.training.source import Source
 
 MINUTES = 10.0  # where nobody says
@@ -38,11 +45,13 @@ ALIKE = 1 / 3  # the `changing_share` up to which longer trainings are worth mor
 FEWEST_STEPS = 20  # of a stage
 ENOUGH_STEPS = 2_000, 20_000  # and within these two for each image: with fewer there are fewer Gaussians as well
 FEWEST_GAUSSIANS = 0.25  # of those that the pictures are worth
+GAUSSIANS_PER_STEP = 3.0  # at most, beyond those that downsampled pictures are worth
 USUAL_STEPS = 4_000  # of a stage, for which any ensemble is trained at the usual rates
 CANONICAL_SHARE, MOST_CANONICAL = 0.06, 1_000  # of stages 1 and 2
 ROUGH = 0.05  # of a picture: from there on carried colours are worth several samples a pixel
 MODES_OF_VALUES = 32  # carried values are also learnt without a stage of their own for the canonical Gaussians
 VALIDATIONS, MOST_BETWEEN = 16, 1_000  # in a training, and steps between them at most
+FEWEST_VALIDATIONS, VALIDATED_SHARE = 4, 0.05  # where 16 would take more of the time than this
 
 # The stated speed, from which the number of Gaussians follows: a step's seconds on one core of an AMD EPYC, of which all but the
 # first are shared by the cores; steps have a share of the time.  (1,000 to 60,000 Gaussians, images of 64 to 256 pixels a side.)
@@ -56,6 +65,7 @@ COMPRESSION = 0.18  # of the same steps: fine-tunings after each choice
 PICTURES = 4_000  # drawn to make the choices of compression
 LARGEST_SHARE = 0.2  # of the time that these pictures may take: else nothing is compressed
 SPARE = 3.0  # seconds, to begin and to write down
+COMPARED, SECONDS_PER_COMPARED_PIXEL = 144, 3e-7  # pictures of Gaussians and field at the end, and a core's time
 LENIENCE = 1.25  # for machines that are slower the next time
 
 # Of the time, and seconds at most, in which the speed is measured: one second says little where others use the machine.
@@ -122,19 +132,24 @@ class Worth:
     images : that are learnt, of the base appearance.
     changing : the share of what is seen that changes from member to member.
     rough : how much of a picture is as fine as its pixels, where Gaussians carry colours.
+    downsampling : of early steps.
     """
 
     visible: float
     images: int
     changing: float
     rough: float = 0.0
+    downsampling: int = 1
 
     def gaussians(self, steps: float | None = None) -> int:
         """The number worth having for `steps` of one image in stages 1 and 2; without any, for just enough."""
         part = 1.0 if steps is None else steps / self.enough_steps
         more = part**0.5 if self.changing <= ALIKE else 1.0
-        enough = min((PER_PIXEL * self.visible) ** 0.5, LARGEST)
-        return _rounded(enough * (max(FEWEST_GAUSSIANS, part) if part < 1.0 else more))
+        enough = (PER_PIXEL * self.visible) ** 0.5
+        count = min(enough, LARGEST) * (max(FEWEST_GAUSSIANS, part) if part < 1.0 else more)
+        if steps is not None and self.downsampling > 1:
+            count = min(count, max(enough / self.downsampling, GAUSSIANS_PER_STEP * steps))
+        return _rounded(count)
 
     @property
     def samples(self) -> int:
@@ -149,9 +164,9 @@ class Worth:
 
 
 def _worth(source: Source, rows: Sequence[ImageRow]) -> Worth:
-    some = sampled(source, rows)
-    rough = roughness(some) if source.field is None else 0.0
-    return Worth(visible_pixels(source, some), len(rows), changing_share(source, rows), rough)
+    some, factor = sampled(source, rows), fitting_factor(row.member.cameras[row.view] for row in rows)
+    rough, changing = roughness(some) if source.field is None else 0.0, changing_share(source, rows, factor)
+    return Worth(visible_pixels(source, some), len(rows), changing, rough, factor if changing > ALIKE else 1)
 
 
 def _rounded(count: float) -> int:
@@ -160,7 +175,9 @@ def _rounded(count: float) -> int:
     return min(LARGEST, max(SMALLEST, round(count / digits) * digits))
 
 
-def _sized(table: Mapping[str, Any], source: Source, worth: Worth, steps: int) -> TrainingSettings:
+def _sized(
+    table: Mapping[str, Any], source: Source, worth: Worth, steps: int, validations: int = VALIDATIONS
+) -> TrainingSettings:
     """The given settings with `steps` over all stages, and with those that follow where they are not given."""
     stages = 1 + len(source.variations)
     each = max(1, steps // stages)
@@ -173,7 +190,7 @@ def _sized(table: Mapping[str, Any], source: Source, worth: Worth, steps: int) -
     follows = {
         **_design(source, worth),
         "gaussians": worth.gaussians(visible),
-        "validation_interval": min(MOST_BETWEEN, max(1, steps // VALIDATIONS)),
+        "validation_interval": min(MOST_BETWEEN, max(1, steps // validations)),
         **_calm_rates(moving),
     }
     lengths = {"canonical_steps": canonical, "deformation_steps": each - canonical}
@@ -185,56 +202,79 @@ def _in_time(
     table: Mapping[str, Any], source: Source, seconds: float, elapsed: Clock
 ) -> tuple[TrainingSettings, dict[str, Any]]:
     rows = _rows(source)
-    images, worth = sum(map(len, rows)), _worth(source, rows[0])
-    in_memory = sum(fitting_in_memory(source.catalog, of) for of in rows)
-    choosing = source.settings.fit_to_need and bool(validation_rows(source.catalog, [source.appearance], 1))
+    worth = _worth(source, rows[0])
     table = {"gaussians": _stated_size(source, rows[0], worth, seconds / len(rows)), **table}
     tried = TrainingSettings.from_table({**_design(source, worth), **table})
     slowest = Source(_slowest(tried, source.target), source.catalog, source.ranks)
     pace = measure_pace(slowest, rows, elapsed, min(MOST_MEASURED, MEASURED_SHARE * seconds) / len(rows))
-    left = seconds - source.ranks.agreed(elapsed()) - SPARE - pace.load * in_memory
+    reading, judging = (
+        Reading.of(source.catalog, rows, tried.early_downsampling, pace.load),
+        _Judging.of(tried, source, seconds, pace),
+    )
+    spent = source.ranks.agreed(elapsed())
+    left = seconds - spent - SPARE - pace.begin - reading.before - judging.seconds
+    choosing = tried.fit_to_need and judging.images > 0
     compressing = choosing and PICTURES * pace.draw <= LARGEST_SHARE * left
     overhead = COMPRESSION * compressing + COLOR_PROBES * (tried.color_degree == "auto")
-    step = pace.mean_step + pace.load * (1.0 - in_memory / images)
-    steps = int((left - PICTURES * pace.draw * compressing) / (step * (1.0 + overhead / len(rows))))
+    steps, step = reading.steps(left - PICTURES * pace.draw * compressing, pace.mean_step, 1.0 + overhead / len(rows))
     if steps < FEWEST_STEPS * len(rows):
-        raise ValueError(
-            _too_short(seconds, seconds - left - SPARE - pace.load * in_memory, in_memory, len(rows), pace)
-        )
+        raise ValueError(_too_short(seconds, spent, reading, len(rows), pace))
     choices = table if compressing or not choosing else {"fit_to_need": False, **table}
-    return _sized(choices, source, worth, steps), {
+    return _sized(choices, source, worth, steps, judging.validations), {
         "gaussians": tried.gaussians,
         "steps": steps,
         "milliseconds_per_step": round(1e3 * step, 2),
-        "images": images,
-        "seconds_to_load": round(pace.load * in_memory, 1),
+        "images": reading.images,
+        "seconds_to_load": round(reading.before, 1),
         "compressed": compressing,
     }
 
 
+@dataclass(frozen=True)
+class _Judging:
+    """The number of images for validation, how often they are drawn in a training, and the seconds of that.
+
+    They are those of the emulated field as well, which is drawn once training is done.
+    """
+
+    images: int
+    validations: int
+    seconds: float
+
+    @classmethod
+    def of(cls, settings: TrainingSettings, source: Source, seconds: float, pace: Pace) -> _Judging:
+        """For a training of so many seconds."""
+        rows = validation_rows(source.catalog, [source.appearance], settings.validation_images)
+        if not rows:
+            return cls(0, VALIDATIONS, 0.0)
+        each = len(rows) * pace.draw
+        number = int(min(VALIDATIONS, max(FEWEST_VALIDATIONS, VALIDATED_SHARE * seconds / max(each, 1e-9))))
+        drawing = COMPARED * min(pixels(rows), PIXELS) * SECONDS_PER_COMPARED_PIXEL / available_cores()
+        return cls(len(rows), number, number * each + (0.0 if lacking(source) else drawing))
+
+
 def _stated_size(source: Source, rows: Sequence[ImageRow], worth: Worth, seconds: float) -> int:
     """The most Gaussians that are worth their steps in a stage of these `seconds` at the stated speed, whatever else runs here."""
-    camera = rows[0].member.cameras[rows[0].view]
     cores = GPU_CORES if chosen_device(source.settings.device).type == "cuda" else available_cores()
+    learnt = pixels(rows) * sum(share / factor**2 for factor, share in shares(worth.downsampling))
 
     def is_worth(count: int) -> bool:
-        shared = count * SECONDS_PER_GAUSSIAN + camera.width * camera.height * SECONDS_PER_PIXEL
-        of_image = SECONDS_PER_STEP + shared / cores
+        of_image = SECONDS_PER_STEP + (count * SECONDS_PER_GAUSSIAN + learnt * SECONDS_PER_PIXEL) / cores
         return worth.gaussians(STATED_SHARE * seconds * source.ranks.count / of_image) >= count
 
     sizes = sorted({_rounded(count) for count in range(SMALLEST, LARGEST + 1, 100)})
     return max(filter(is_worth, sizes), default=SMALLEST)
 
 
-def _too_short(seconds: float, spent: float, images: int, stages: int, pace: Pace) -> str:
+def _too_short(seconds: float, spent: float, reading: Reading, stages: int, pace: Pace) -> str:
     """The sentence on minutes that don't suffice: what takes the time, and the least that would."""
-    load, training = pace.load * images, FEWEST_STEPS * stages * pace.mean_step
+    load, training = reading.before, FEWEST_STEPS * stages * pace.mean_step
     overhead = (1.0 + COMPRESSION + COLOR_PROBES) / (1.0 - LARGEST_SHARE)
     least = LENIENCE * (spent + SPARE + load + overhead * training) / 60.0
     return (
         f"{seconds / 60.0:g} minutes are too short here: starting up and measuring this machine's speed took {spent:.0f} s, "
-        f"loading {images:,} images takes {load:.0f} s, the fewest {FEWEST_STEPS * stages} steps {training:.0f} s, and writing "
-        f"{SPARE:.0f} s: --minutes {math.ceil(10.0 * least) / 10.0:g} suffices, or give --steps instead"
+        f"loading {reading.in_memory:,} images takes {load:.0f} s, the fewest {FEWEST_STEPS * stages} steps {training:.0f} s, and "
+        f"writing {SPARE:.0f} s: --minutes {math.ceil(10.0 * least) / 10.0:g} suffices, or give --steps instead"
     )
 
 
@@ -253,7 +293,8 @@ def _design(source: Source, worth: Worth) -> dict[str, Any]:
     On rough pictures several samples a pixel help carried colours (nyx at 128 pixels, five minutes: 33.1 dB instead of 32.4).  They
     harm carried values (tgv-tf: 38.8 instead of 41.8).
     """
-    return {"samples": worth.samples} if source.field is None else {"latent_size": MODES_OF_VALUES}
+    carried = {"samples": worth.samples} if source.field is None else {"latent_size": MODES_OF_VALUES}
+    return {**carried, "early_downsampling": worth.downsampling}
 
 
 def _calm_rates(steps: float) -> dict[str, Any]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import statistics
 from collections import defaultdict
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +13,7 @@ from catalogs.vocabulary.cameras import Camera
 from surrogate.evaluation.metrics import WHITE
 from surrogate.evaluation.scoring import spread
 from surrogate.training.data import Example, ImageRow, load_examples, training_rows
+from surrogate.training.downsampling import downsampled
 from surrogate.training.source import Source
 
 SAMPLED = 64  # pictures that visible pixels and roughness are judged by
@@ -69,13 +70,14 @@ def require_content(source: Source) -> None:
     )
 
 
-def changing_share(source: Source, rows: Sequence[ImageRow]) -> float:
+def changing_share(source: Source, rows: Sequence[ImageRow], factor: int = 1) -> float:
     """The share of the pictures that changes from member to member: 0 where all look the same, about 1 where they share nothing.
 
     It is the share of the variance of colours, over members and the pixels that show something in any of them, which the mean over
-    members leaves.  Mean over some cameras that see several members; 1 where there are none.
+    members leaves.  Mean over some cameras that see several members; 1 where there are none.  Pictures are first downsampled
+    by a `factor`.
     """
-    shares = [_unexplained(pictures, source) for pictures in _by_camera(source, rows)]
+    shares = [_unexplained([downsampled(e, factor) for e in of], source) for of in _by_camera(source, rows)]
     return statistics.fmean(shares) if shares else 1.0
 
 
@@ -87,14 +89,14 @@ def _unexplained(examples: Sequence[Example], source: Source) -> float:
     return float(((pixels - pixels.mean(axis=0)) ** 2).sum()) / whole if whole else 0.0
 
 
-def _by_camera(source: Source, rows: Sequence[ImageRow]) -> list[list[Example]]:
+def _by_camera(source: Source, rows: Sequence[ImageRow]) -> Iterator[list[Example]]:
     """Pictures of several members each, through the same camera and of the same size."""
     through = defaultdict[tuple[object, ...], list[ImageRow]](list)
     for row in rows:
         through[_key(row.member.cameras[row.view])].append(row)
     shared = [of for of in through.values() if len({row.member.name for row in of}) > 1]
-    wanted = [[of[i] for i in spread(len(of), MEMBERS)] for of in (shared[i] for i in spread(len(shared), CAMERAS))]
-    return [load_examples(source.catalog, of, source.normalization) for of in wanted]
+    for of in (shared[i] for i in spread(len(shared), CAMERAS)):
+        yield load_examples(source.catalog, [of[i] for i in spread(len(of), MEMBERS)], source.normalization)
 
 
 def _key(camera: Camera) -> tuple[object, ...]:

@@ -19,7 +19,8 @@ from catalogs.vocabulary.words import joined_names
 from surrogate.emulation import EmulatedFields
 from surrogate.emulation.fitting import FEWEST
 from surrogate.evaluation.cases import VALIDATION, Case, base_validation, variation_validation
-from surrogate.evaluation.predictor import SurrogatePredictor
+from surrogate.evaluation.metrics import TrueImage
+from surrogate.evaluation.predictor import SurrogatePredictor, pictures_of_all
 from surrogate.evaluation.scoring import mean, score_cases, spread
 from surrogate.model import Surrogate
 from surrogate.model.field_model import FieldModel, scales_of
@@ -27,10 +28,10 @@ from surrogate.model.judged import ALL_LEARNT, LEARNT, judged
 from surrogate.model.representation import DRAWN, FIELD, FUNCTION, GAUSSIANS, VIEW, RepresentationScores
 from surrogate.provenance import code, commit
 from surrogate.splatting.threads import one_torch_thread
-from surrogate.training.other_functions import scores_under_other_functions
+from surrogate.training.other_functions import fitting, scores_under_other_functions
 from surrogate.training.source import Source
 
-MOST_SCORED = 48  # validation images of each kind
+MOST_SCORED, FEWEST_SCORED = 48, 12  # validation images of each kind: 48 of 512 x 512 pixels, fewer of larger ones
 MOST_LEFT_OUT = 4  # members
 TIMED = 7  # pictures
 
@@ -122,10 +123,11 @@ def compared(surrogate: Surrogate, catalog: Catalog) -> RepresentationScores:
     groups = {VIEW: _of_validation_members(base)}
     groups |= {v.kind: _of_validation_members(variation_validation(catalog, v)) for v in surrogate.variations}
     psnr: dict[str, dict[str, float]] = {}
+    names = surrogate.representations
+    predictor = SurrogatePredictor(_at(surrogate.using(names[-1])), background, names=names, pictures=pictures_of_all)
     for kind, cases in groups.items():
-        for name in surrogate.representations if cases else ():
-            predictor = SurrogatePredictor(_at(surrogate.using(name)), background)
-            [scores] = score_cases(predictor, catalog, cases)
+        scored = score_cases(predictor, catalog, cases, metrics=TrueImage.psnr_alone)
+        for name, scores in zip(names, scored, strict=True):
             if (score := mean(scores.values(), "psnr")) is not None:
                 psnr.setdefault(kind, {})[name] = score
     left_out = {} if groups[VIEW] else _better_without(surrogate, catalog, base)
@@ -152,7 +154,7 @@ def _better_without(surrogate: Surrogate, catalog: Catalog, cases: Sequence[Case
         some = [of_member[i] for i in spread(len(of_member), MOST_SCORED // MOST_LEFT_OUT)]
         for kind in set(scores) & set(surrogate.representations):
             predictor = SurrogatePredictor(_at(replace(surrogate, field=fields).using(kind)), model.background)
-            [scored] = score_cases(predictor, catalog, some)
+            [scored] = score_cases(predictor, catalog, some, metrics=TrueImage.psnr_alone)
             scores[kind] += [score for score in [mean(scored.values(), "psnr")] if score is not None]
     field, gaussians = (float(np.mean(of)) if of else float("-inf") for of in scores.values())
     return {FIELD: field} if field > gaussians else {}
@@ -211,7 +213,8 @@ def _with_validation_members(field: FieldModel, catalog: Catalog) -> FieldModel:
 def _of_validation_members(cases: Sequence[Case]) -> list[Case]:
     """Some cases of members for validation: what was learnt from says nothing of unseen parameters."""
     unseen = [case for case in cases if case.member.split == VALIDATION]
-    return [unseen[i] for i in spread(len(unseen), MOST_SCORED)]
+    most = fitting(unseen[0].camera, MOST_SCORED, FEWEST_SCORED) if unseen else 0
+    return [unseen[i] for i in spread(len(unseen), most)]
 
 
 def _at(surrogate: Surrogate) -> Any:

@@ -17,6 +17,7 @@ from surrogate.randomness import generator
 from surrogate.rasterizer import Rasterizer
 from surrogate.settings import TrainingSettings
 from surrogate.training.data import Example, TrainingData
+from surrogate.training.downsampling import Downsampling
 from surrogate.training.losses import image_loss
 from surrogate.training.optimizer import Adam
 from surrogate.training.ranks import ALONE, Ranks
@@ -67,7 +68,13 @@ class StageRun:
         first = next(iter(stage.tensors.values()))
         count = len(stage.tensors["means"]) if stage.per_gaussian else 0
         self._peaks = first.new_zeros(count, requires_grad=False)  # [N], decayed maximum of the deformed opacities
-        self._images = StepImages(data.examples, settings.seed, settings.batch, data.ranks.share(settings.batch))
+        self._images = StepImages(
+            data.examples,
+            settings.seed,
+            settings.batch,
+            data.ranks.share(settings.batch),
+            Downsampling(settings.early_downsampling, stage.steps),
+        )
         self._rasterizer = Rasterizer.of(settings)
         self._background = WHITE if data.background is None else data.background
         if memory is not None:

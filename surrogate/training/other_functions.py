@@ -13,10 +13,13 @@ from catalogs.vocabulary.cameras import Camera
 from native.ray_casting import SampledField, VolumeCaster
 from surrogate.evaluation.cases import VALIDATION
 from surrogate.evaluation.metrics import WHITE, composite, psnr
+from surrogate.evaluation.predictor import pictures_of_all
 from surrogate.evaluation.scoring import spread
-from surrogate.model import Surrogate
+from surrogate.model import MemberModel, Surrogate
+from surrogate.model.representation import FIELD
 
 MOST_MEMBERS, MOST_VIEWS = 4, 4
+PIXELS = 512**2  # of a picture, up to which the most are drawn
 OPAQUE, NARROW = 0.6, 0.05  # the highest opacity, and the half width of a peak as a share of the values
 
 
@@ -44,18 +47,30 @@ def scores_under_other_functions(
     if not isinstance(base, VolumeRendering) or base.shaded:
         return {}
     unseen = [m for m in catalog.members if m.split in splits and field_of(base) in m.coarse_names()]
-    scores: dict[str, list[float]] = {name: [] for name in surrogate.representations}
+    scores: dict[str, list[float]] = {}
     for member in (unseen[i] for i in spread(len(unseen), MOST_MEMBERS)):
-        views = [member.cameras[i] for i in spread(len(member.cameras), MOST_VIEWS)]
+        most = fitting(member.cameras[0], MOST_VIEWS, 1)
+        views = [member.cameras[i] for i in spread(len(member.cameras), most)]
         for function, truths in _truths(member, base, views):
-            for name in scores:
-                try:
-                    prediction = surrogate.using(name).under(function, member.parameters, outside="allow")
-                except ValueError:  # colours, which know no functions
-                    continue
-                for view, truth in zip(views, truths, strict=True):
-                    scores[name].append(psnr(truth, composite(prediction.render(view), WHITE)))
-    return {name: float(np.mean(of)) for name, of in scores.items() if of}
+            names, prediction = _under(surrogate, function, member)
+            for view, truth in zip(views, truths, strict=True):
+                for name, picture in zip(names, pictures_of_all(prediction, view), strict=True):
+                    scores.setdefault(name, []).append(psnr(truth, composite(picture, WHITE)))
+    return {name: float(np.mean(of)) for name, of in scores.items()}
+
+
+def fitting(camera: Camera, most: int, fewest: int) -> int:
+    """The number of pictures through a camera that have as many pixels as `most` of `PIXELS`, in these bounds."""
+    return max(fewest, min(most, round(most * PIXELS / (camera.width * camera.height))))
+
+
+def _under(surrogate: Surrogate, function: TransferFunction, member: Member) -> tuple[Sequence[str], MemberModel]:
+    """The representations that can be drawn under a function, and a member drawn by the last of them."""
+    names = surrogate.representations
+    try:
+        return names, surrogate.using(names[-1]).under(function, member.parameters, outside="allow")
+    except ValueError:  # colours, which know no functions
+        return (FIELD,), surrogate.using(FIELD).under(function, member.parameters, outside="allow")
 
 
 def _truths(

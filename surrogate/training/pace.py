@@ -14,10 +14,12 @@ from surrogate.settings import TrainingSettings
 from surrogate.splatting.cuda import chosen_device
 from surrogate.splatting.threads import one_torch_thread
 from surrogate.training.data import ImageRow, TrainingData, load_examples
+from surrogate.training.downsampling import shares
 from surrogate.training.loop import StageRun, mean_psnr
 from surrogate.training.source import Source
 from surrogate.training.stages import Stage, new_deformation, simulation_stage
 from surrogate.training.state import FittedGaussians
+from surrogate.training.value_loss import INTERVAL
 from surrogate.training.visualizations import new_visualization, visualization_stage
 
 SAMPLED, LEAST_STEPS, MOST_STEPS, LEAST_SECONDS, LEAST_DRAWN = 64, 24, 2_000, 1.0, 8
@@ -27,12 +29,20 @@ Clock = Callable[[], float]  # seconds since something
 
 @dataclass(frozen=True)
 class Pace:
-    """Seconds that a step takes in stage 2, and in stage 3 of each variation; that drawing and that loading an image take."""
+    """Seconds on this machine.
+
+    Attributes
+    ----------
+    step, varied : of a step in stage 2, and in stage 3 of each variation: the mean over a stage.
+    draw, load : of drawing, and of loading an image.
+    begin : of making the Gaussians that training begins with.
+    """
 
     step: float
     varied: tuple[float, ...]
     draw: float
     load: float
+    begin: float = 0.0
 
     @property
     def mean_step(self) -> float:
@@ -54,7 +64,9 @@ def measure_pace(
         seconds += clock() - started
         loaded.append(TrainingData(examples, (), source.catalog.plan.background, source.values, source.ranks))
     load = seconds / sum(len(data.examples) for data in loaded)
+    started = clock()
     gaussians = source.initial_gaussians(loaded[0])
+    begin = clock() - started
     fitted = FittedGaussians(gaussians, new_deformation(gaussians, len(source.catalog.plan.space), settings))
     fitted = fitted.to(chosen_device(settings.device))
     stages = [simulation_stage(*fitted.copy(), settings)]
@@ -63,18 +75,35 @@ def measure_pace(
     step, *varied = (
         _seconds(stage, settings, data, clock, lasting) for stage, data in zip(stages, loaded, strict=True)
     )
-    return source.ranks.agreed(Pace(step, tuple(varied), _seconds_to_draw(fitted, settings, loaded[0], clock), load))
+    draw = _seconds_to_draw(fitted, settings, loaded[0], clock)
+    return source.ranks.agreed(Pace(step, tuple(varied), draw, load, begin))
 
 
 def _seconds(stage: Stage, settings: TrainingSettings, data: TrainingData, clock: Clock, lasting: float) -> float:
-    """Of a step: the median over at least a second and 24 steps, the first few, which are slower, aside."""
+    """Of a step: the mean over a stage, whose images are downsampled less and less."""
+    parts = shares(settings.early_downsampling)
+    some = (settings.changed(early_downsampling=factor) for factor, _ in parts)
+    seconds = [_median_seconds(stage, each, data, clock, lasting / len(parts)) for each in some]
+    return sum(share * each for (_, share), each in zip(parts, seconds, strict=True))
+
+
+def _median_seconds(
+    stage: Stage, settings: TrainingSettings, data: TrainingData, clock: Clock, lasting: float
+) -> float:
+    """Of an early step: the median over at least a second and 24 steps, the first few, which are slower, aside.
+
+    It is that of the means of `INTERVAL` steps, one of which learns from the values of fields as well.
+    """
     least = max(LEAST_SECONDS, lasting)
-    run, durations = StageRun(replace(stage, steps=MOST_STEPS), settings, data), list[float]()
+    run, durations = StageRun(replace(stage, steps=2 * MOST_STEPS), settings, data), list[float]()
     while run.step < MOST_STEPS and data.ranks.agreed(len(durations) < LEAST_STEPS or sum(durations) < least):
         started = clock()
         run.advance()
         durations.append(clock() - started)
-    return statistics.median(durations[LEAST_STEPS // 4 :])
+    later = durations[LEAST_STEPS // 3 :]
+    return statistics.median(
+        statistics.fmean(later[i : i + INTERVAL]) for i in range(0, len(later) - INTERVAL + 1, INTERVAL)
+    )
 
 
 def _seconds_to_draw(fitted: FittedGaussians, settings: TrainingSettings, data: TrainingData, clock: Clock) -> float:

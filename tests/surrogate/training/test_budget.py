@@ -36,6 +36,25 @@ def test_gaussians_follow_from_what_is_seen_and_steps(
     assert Worth(visible, images, changing).gaussians(steps) == count
 
 
+@pytest.mark.parametrize(
+    ("downsampling", "changing", "steps", "count"),
+    [
+        (1, 0.6, 2_500, 60_000),
+        (4, 0.6, 2_500, 18_000),  # what pictures of a quarter of the side are worth
+        (4, 0.6, 10_000, 30_000),
+        (4, 0.6, 100_000, 60_000),
+        (4, 0.6, None, 60_000),
+        (8, 0.6, 500, 8_800),
+        (4, 0.6, 250, 15_000),  # less than a quarter of what whole pictures are worth never
+        (1, 0.1, 2_500, 60_000),
+    ],
+)
+def test_in_little_time_there_are_as_many_gaussians_as_downsampled_pictures_are_worth(
+    downsampling: int, changing: float, steps: int | None, count: int
+) -> None:
+    assert Worth(113_000, 589, changing, downsampling=downsampling).gaussians(steps) == count
+
+
 def test_steps_lead_to_the_same_settings_everywhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delattr(budget, "measure_pace")
     settings, chosen = budgeted({"seed": 1}, make_catalog(tmp_path, "blobs"), Budget(steps=1_000))
@@ -54,7 +73,8 @@ def test_minutes_are_spent_on_loading_steps_and_choices(
     steps = settings.canonical_steps + settings.deformation_steps
     assert (steps, chosen["compressed"]) == (chosen["steps"], True)
     choices = 0.010 * steps * (budget.COMPRESSION + budget.COLOR_PROBES) + 0.002 * budget.PICTURES
-    assert 0.010 * steps + choices == pytest.approx(600.0 - elapsed - budget.SPARE - 6 * 0.001, abs=0.1)
+    validated = 0.002 * 2 * budget.VALIDATIONS
+    assert 0.010 * steps + choices + validated == pytest.approx(600.0 - elapsed - budget.SPARE - 6 * 0.001, abs=0.1)
 
 
 def test_in_little_time_there_are_fewer_gaussians_and_no_choices(

@@ -13,7 +13,8 @@ from catalogs.vocabulary.cameras import Camera
 from surrogate import Surrogate, TrainingSettings, train
 from surrogate.training import data, step_images
 from surrogate.training.data import Example
-from surrogate.training.step_images import StepImages
+from surrogate.training.downsampling import Downsampling
+from surrogate.training.step_images import StepImages, kept_share
 from tests.support.blobs import Blobs
 
 QUICK = TrainingSettings(
@@ -57,6 +58,37 @@ def test_images_are_read_once_each_ahead_of_their_step_by_another_thread() -> No
     assert len(read) <= 24 + 2 * step_images.AHEAD
 
 
+@pytest.mark.parametrize(("memory", "kept"), [(1 << 20, 6), (3 * 4 * 3 * 4, 3), (0, 0)])
+@pytest.mark.parametrize("in_memory", [True, False])
+def test_early_images_are_downsampled_and_some_of_them_kept(
+    monkeypatch: pytest.MonkeyPatch, memory: int, kept: int, in_memory: bool
+) -> None:
+    monkeypatch.setattr(step_images, "MEMORY", memory)
+    read: list[int] = []
+
+    def stored(number: int) -> Example:
+        whole = example(number)
+
+        def image() -> np.ndarray:
+            read.append(number)
+            return whole.pixels
+
+        return whole if in_memory else Example(whole.camera, whole.parameters, image, whole.member)
+
+    examples = [stored(number) for number in range(6)]
+    images = StepImages(examples, 0, 1, range(1), Downsampling(2, 17))
+    for step in range(24):
+        learnt, whole = images.next(step, 0), images.at(step, 0)
+        number = int(whole.member.removeprefix("member-"))
+        side = 4 if step < 12 else 8
+        assert (learnt.member, learnt.camera.width, learnt.pixels.shape[1]) == (whole.member, side, side)
+        assert (learnt.pixels[..., 2] == number).all()
+    if not in_memory:
+        early, late = 6 + (6 - kept), 12
+        assert early + late <= len(read) <= early + late + step_images.AHEAD
+    assert kept_share(6 * 4 * 3 * 4) == pytest.approx(min(1.0, memory / (6 * 4 * 3 * 4)))
+
+
 def test_an_image_that_can_not_be_read_says_so_at_its_step() -> None:
     def broken() -> np.ndarray:
         raise OSError("no such image")
@@ -66,13 +98,15 @@ def test_an_image_that_can_not_be_read_says_so_at_its_step() -> None:
         images.next(0, 0)
 
 
+@pytest.mark.parametrize("factor", [1, 2])
 def test_a_model_is_bit_for_bit_the_same_where_memory_holds_no_image(
-    make_catalog, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    make_catalog, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, factor: int
 ) -> None:
     catalog, models = make_catalog(Blobs(count=4, size=16), view_splits=("train",) * 3), []
     for name, memory in (("all", 1 << 30), ("some", 4 * 16 * 16 * 4), ("none", 0)):
         monkeypatch.setattr(data, "MEMORY", memory)
-        train(QUICK, catalog, tmp_path / name)
+        monkeypatch.setattr(step_images, "MEMORY", memory)
+        train(QUICK.changed(early_downsampling=factor), catalog, tmp_path / name)
         models.append(Surrogate.load(tmp_path / name).at(p=0.4).gaussians.tensors())
     for other in models[1:]:
         for name, tensor in models[0].items():
