@@ -77,6 +77,18 @@ def test_minutes_are_spent_on_loading_steps_and_choices(
     assert 0.010 * steps + choices + validated == pytest.approx(600.0 - elapsed - budget.SPARE - 6 * 0.001, abs=0.1)
 
 
+@pytest.mark.parametrize(("draw", "validations"), [(0.001, 16), (1.0, 10), (5.0, 4)])
+def test_validation_takes_a_small_share_where_drawing_is_slow(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, draw: float, validations: int
+) -> None:
+    monkeypatch.setattr(budget, "measure_pace", lambda *_: Pace(0.5, (), draw, 0.0))
+    settings, chosen = budgeted({"fit_to_need": False}, make_catalog(tmp_path, "blobs"), Budget(minutes=10.0))
+    assert settings.validation_interval == chosen["steps"] // validations
+    images = 3
+    spent = 0.5 * (1.0 + budget.COLOR_PROBES) * chosen["steps"] + images * validations * draw
+    assert spent == pytest.approx(600.0 - budget.SPARE, abs=1.0)
+
+
 def test_in_little_time_there_are_fewer_gaussians_and_no_choices(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

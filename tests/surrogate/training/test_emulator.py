@@ -13,12 +13,14 @@ from click.testing import CliRunner
 
 from catalogs.store.catalog import Catalog
 from catalogs.vocabulary.appearance import ImportedImages, TransferFunction
+from catalogs.vocabulary.cameras import Camera
 from surrogate.cli import main
+from surrogate.evaluation.predictor import pictures_of_all
 from surrogate.model import FieldModel, Surrogate
 from surrogate.model.representation import BOTH, FIELD, GAUSSIANS
 from surrogate.settings import TrainingSettings
 from surrogate.training.emulator import fit, lacking
-from surrogate.training.other_functions import other_functions
+from surrogate.training.other_functions import fitting, other_functions, scores_under_other_functions
 from surrogate.training.run import train
 from surrogate.training.source import MOST_ERROR, Source
 from tests.support.field_catalogs import rendered
@@ -75,6 +77,30 @@ def test_gaussians_start_from_the_field(catalog: Catalog, tmp_path: Path) -> Non
     np.testing.assert_array_equal(*pictures)
     elsewhere = train(replace(SETTINGS, initialization="random"), catalog, tmp_path / "random")
     assert elsewhere.deformation.emulated is None
+
+
+def test_every_representation_is_drawn_as_by_itself_and_each_once(catalog: Catalog, tmp_path: Path) -> None:
+    surrogate, camera = train(replace(SETTINGS, fit_to_need=False), catalog, tmp_path), catalog.plan.cameras[0]
+    for background in (None, (0.2, 0.4, 0.6)):
+        member = surrogate.using(surrogate.representations[-1]).at(p=0.4)
+        pictures = pictures_of_all(member, camera, background)
+        for name, picture in zip(surrogate.representations, pictures, strict=True):
+            alone = surrogate.using(name).at(p=0.4).render(camera, background=background)
+            np.testing.assert_array_equal(picture, alone)
+    [alone] = pictures_of_all(surrogate.using(FIELD).at(p=0.4), camera)
+    np.testing.assert_array_equal(alone, surrogate.using(FIELD).at(p=0.4).render(camera))
+
+
+def test_gaussians_that_carry_colours_have_no_score_under_other_functions(catalog: Catalog, tmp_path: Path) -> None:
+    surrogate = train(replace(SETTINGS, fit_to_need=False, carried="colors"), catalog, tmp_path)
+    assert set(surrogate.scores.psnr["view"]) == {GAUSSIANS, FIELD, BOTH}
+    assert set(scores_under_other_functions(surrogate, catalog)) == {FIELD}
+
+
+@pytest.mark.parametrize(("side", "count"), [(16, 48), (512, 48), (724, 24), (1024, 12), (4096, 12)])
+def test_fewer_large_pictures_are_compared(side: int, count: int) -> None:
+    camera = Camera.look_at((0.4, -3.0, 0.7), (0, 0, 0), vertical_fov_degrees=40.0, width=side, height=side)
+    assert fitting(camera, 48, 12) == count
 
 
 def test_catalogs_without_fields_are_trained_as_ever(tmp_path: Path) -> None:

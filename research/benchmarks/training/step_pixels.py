@@ -1,13 +1,13 @@
-"""Value of steps that learn a part of a picture, or several pictures, beside steps of one whole picture.
+"""Value of steps that learn smaller pictures first, a part of a picture, or several, beside steps of one whole picture.
 
-    python -m research.benchmarks.training.windows CATALOG [--seconds 200] [--gaussians 40000] [--seed 0] [--write]
+    python -m research.benchmarks.training.step_pixels CATALOG [--seconds 200] [--gaussians 40000] [--seed 0] [--write]
         [KEY=VALUE ...]
 
 Each row trains the simulation deformation for about the same processor time. Its steps are as many as fit, by the median
-of `TIMED_STEPS` steps that are made before and thrown away. Parts are tiles of equal size, each an example of its
-own, so an epoch shows each pixel once, as whole pictures do. Whole validation images judge. Pictures that exceed the
-memory for training images would be decoded anew for each tile: choose a catalog that fits. KEY=VALUE are training
-settings. Prints Markdown; `--write` puts it into docs/results/training.md.
+of `TIMED_STEPS` steps of each size of pictures, which are made before and thrown away. Parts are tiles of equal size,
+each an example of its own, so an epoch shows each pixel once, as whole pictures do. Whole validation images judge.
+Pictures that exceed the memory for training images would be decoded anew for each tile: choose a catalog that fits.
+KEY=VALUE are training settings. Prints Markdown; `--write` puts it into docs/results/training.md.
 """
 
 from __future__ import annotations
@@ -26,26 +26,42 @@ from research.benchmarks.training.streaming import deformation_run, median_step
 from surrogate.settings import TrainingSettings, values_of_words
 from surrogate.splatting.threads import one_torch_thread
 from surrogate.training.data import Example, TrainingData
+from surrogate.training.downsampling import shares
 from surrogate.training.loop import StageRun
 from surrogate.training.source import Source
 
-PAGE, PART, TIMED_STEPS = RESULTS / "training.md", "windows", 40
+PAGE, PART, TIMED_STEPS = RESULTS / "training.md", "step pixels", 40
 HEADER = ("a step learns", "steps", "processor ms a step", "pixels a step", "processor s", "validation, dB")
 
 
 @dataclass(frozen=True)
 class Way:
-    """A way to choose what a step learns: tiles of 1 / `parts` of a side, `batch` of them."""
+    """A way to choose what a step learns: tiles of 1 / `parts` of a side, `batch` of them, with an early `downsampling`."""
 
-    parts: int
-    batch: int
+    parts: int = 1
+    batch: int = 1
+    downsampling: int = 1
 
     def __str__(self) -> str:
         what = f"1/{self.parts**2} of a picture" if self.parts > 1 else "a picture"
-        return what if self.batch == 1 else f"{self.batch} times {what}"
+        first = f", 1/{self.downsampling} as wide first" if self.downsampling > 1 else ""
+        return f"{'' if self.batch == 1 else f'{self.batch} times '}{what}{first}"
+
+    @property
+    def share(self) -> float:
+        """Of a picture's pixels that a step learns, in the mean over all steps."""
+        return self.batch / self.parts**2 * sum(share / factor**2 for factor, share in shares(self.downsampling))
 
 
-WAYS = (Way(1, 1), Way(2, 1), Way(4, 1), Way(1, 2))
+WAYS = (
+    Way(),
+    Way(downsampling=2),
+    Way(downsampling=4),
+    Way(downsampling=8),
+    Way(parts=2),
+    Way(parts=4),
+    Way(batch=2),
+)
 
 
 def tiles(example: Example, parts: int) -> Iterator[Example]:
@@ -74,20 +90,33 @@ def row(source: Source, data: TrainingData, way: Way, seconds: float) -> list[st
     """Of the table."""
     examples = [tile for example in data.examples for tile in tiles(example, way.parts)]
     learnt = replace(data, examples=examples)
-    median, _ = median_step(_begun(source, learnt, way, TIMED_STEPS), TIMED_STEPS)
-    steps, begun = max(1, round(seconds / median)), time.process_time()
+    each = _seconds_of_step(source, learnt, way)
+    steps, begun = max(1, round(seconds / each)), time.process_time()
     run = _begun(source, learnt, way, steps)
     run.finish()
-    spent = time.process_time() - begun
-    camera = examples[0].camera
-    pixels = way.batch * camera.width * camera.height
+    spent, camera = time.process_time() - begun, data.examples[0].camera
+    pixels = round(way.share * camera.width * camera.height)
     quality = run.validate()
     assert quality is not None  # `rows` has looked
-    return [str(way), f"{steps:,}", f"{1e3 * median:.1f}", f"{pixels:,}", f"{spent:.0f}", f"{quality:.2f}"]
+    return [str(way), f"{steps:,}", f"{1e3 * each:.1f}", f"{pixels:,}", f"{spent:.0f}", f"{quality:.2f}"]
+
+
+def _seconds_of_step(source: Source, data: TrainingData, way: Way) -> float:
+    """The mean over the sizes of pictures in a training, by their shares of its steps."""
+    return sum(
+        share * median_step(_begun(source, data, replace(way, downsampling=factor), 2 * TIMED_STEPS), TIMED_STEPS)[0]
+        for factor, share in shares(way.downsampling)
+    )
 
 
 def _begun(source: Source, data: TrainingData, way: Way, steps: int) -> StageRun:
-    settings = replace(source.settings, batch=way.batch, canonical_steps=0, deformation_steps=steps)
+    settings = replace(
+        source.settings,
+        batch=way.batch,
+        early_downsampling=way.downsampling,
+        canonical_steps=0,
+        deformation_steps=steps,
+    )
     return deformation_run(source, data, settings)
 
 
@@ -103,7 +132,7 @@ def rows(catalog: Path, settings: TrainingSettings, seconds: float, ways: Sequen
 
 def main() -> None:
     """Train, judge, print."""
-    parser, say = command_line("training.windows", __doc__), stopwatch()
+    parser, say = command_line("training.step_pixels", __doc__), stopwatch()
     parser.add_argument("catalog", type=Path, metavar="CATALOG")
     parser.add_argument("settings", nargs="*", metavar="KEY=VALUE")
     parser.add_argument("--seconds", type=float, default=200.0, help="Processor time of each training.")
@@ -120,7 +149,7 @@ def main() -> None:
     except (ValueError, OSError) as error:
         parser.error(str(error))
     words = f"{given.catalog} --seconds {given.seconds:g} --gaussians {given.gaussians} --seed {given.seed}"
-    command = " ".join(["training.windows", words, *given.settings])
+    command = " ".join(["training.step_pixels", words, *given.settings])
     publish(f"{table(HEADER, cells)}\n<sub>{made_by(command)}</sub>", PAGE, PART, write=given.write)
 
 

@@ -10,7 +10,7 @@ import pytest
 import torch
 
 from catalogs.vocabulary.cameras import Camera
-from research.benchmarks.training.windows import HEADER, Way, rows, tiles
+from research.benchmarks.training.step_pixels import HEADER, Way, rows, tiles
 from surrogate.gaussians import Gaussians
 from surrogate.rasterizer import Rasterizer
 from surrogate.settings import TrainingSettings
@@ -61,14 +61,19 @@ def test_unequal_parts_are_refused() -> None:
 @pytest.mark.slow
 def test_every_way_has_its_row(tmp_path: Path) -> None:
     catalog = stored(tmp_path / "blobs.cdb", Blobs(count=4, size=16), members=MEMBERS)
-    table = list(rows(catalog.path, SMALL, 0.2, (Way(1, 1), Way(2, 1), Way(1, 2))))
-    assert [line[0] for line in table] == ["a picture", "1/4 of a picture", "2 times a picture"]
+    table = list(rows(catalog.path, SMALL, 0.2, (Way(), Way(downsampling=2), Way(parts=2), Way(batch=2))))
+    assert [line[0] for line in table] == [
+        "a picture",
+        "a picture, 1/2 as wide first",
+        "1/4 of a picture",
+        "2 times a picture",
+    ]
     assert {len(line) for line in table} == {len(HEADER)}
-    assert [line[3] for line in table] == ["256", "64", "512"]
+    assert [line[3] for line in table] == ["256", "122", "64", "512"]
     assert all(10.0 < float(line[5]) < 60.0 for line in table)
 
 
 def test_nothing_to_judge_by_is_refused(tmp_path: Path) -> None:
     catalog = stored(tmp_path / "blobs.cdb", Blobs(count=4, size=16), members=MEMBERS)
     with pytest.raises(ValueError, match="no validation images"):
-        list(rows(catalog.path, replace(SMALL, validation_images=0), 0.1, (Way(1, 1),)))
+        list(rows(catalog.path, replace(SMALL, validation_images=0), 0.1, (Way(),)))
