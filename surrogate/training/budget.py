@@ -66,6 +66,7 @@ PICTURES = 4_000  # drawn to make the choices of compression
 LARGEST_SHARE = 0.2  # of the time that these pictures may take: else nothing is compressed
 SPARE = 3.0  # seconds, to begin and to write down
 COMPARED, SECONDS_PER_COMPARED_PIXEL = 144, 3e-7  # pictures of Gaussians and field at the end, and a core's time
+SECONDS_PER_VALUE = 6e-7  # of members' fields, to emulate them twice, the second time with validation members
 LENIENCE = 1.25  # for machines that are slower the next time
 
 # Of the time, and seconds at most, in which the speed is measured: one second says little where others use the machine.
@@ -249,8 +250,17 @@ class _Judging:
             return cls(0, VALIDATIONS, 0.0)
         each = len(rows) * pace.draw
         number = int(min(VALIDATIONS, max(FEWEST_VALIDATIONS, VALIDATED_SHARE * seconds / max(each, 1e-9))))
-        drawing = COMPARED * min(pixels(rows), PIXELS) * SECONDS_PER_COMPARED_PIXEL / available_cores()
-        return cls(len(rows), number, number * each + (0.0 if lacking(source) else drawing))
+        return cls(len(rows), number, number * each + _seconds_of_field(source, pixels(rows)))
+
+
+def _seconds_of_field(source: Source, size: int) -> float:
+    """To emulate the coarse fields, where that can be done, and compare them with Gaussians in pictures of `size` pixels."""
+    if lacking(source):
+        return 0.0
+    members = [member for member in source.catalog.members if member.coarse_names()]
+    values = sum(field.values.size for field in members[0].coarse_fields().values()) * len(members)
+    drawing = COMPARED * min(size, PIXELS) * SECONDS_PER_COMPARED_PIXEL / available_cores()
+    return drawing + values * SECONDS_PER_VALUE
 
 
 def _stated_size(source: Source, rows: Sequence[ImageRow], worth: Worth, seconds: float) -> int:
