@@ -151,8 +151,8 @@ class TrainingSettings:
     validation_interval, validation_images : steps between validations, and images of each; 0 for none.
     checkpoint_seconds : time between checkpoints.
     batch : images of a step; rates are multiplied by its square root.
-    early_downsampling : 1, 2, 4 or 8: side of the blocks of pixels that are averaged to one, where they divide the sides of the
-        images, in all but the last 30 % of each stage's steps; in these it falls to 1.
+    early_downsampling : side of the blocks of pixels that are averaged to one: 1, 2, 4 or 8.  It falls to 1 in the last 30 % of each
+        stage.  Images whose sides it does not divide stay whole.
 
     Examples
     --------

@@ -244,7 +244,7 @@ class _Judging:
 
     @classmethod
     def of(cls, settings: TrainingSettings, source: Source, seconds: float, pace: Pace) -> _Judging:
-        """For a training of so many seconds."""
+        """For a training of some `seconds`."""
         rows = validation_rows(source.catalog, [source.appearance], settings.validation_images)
         if not rows:
             return cls(0, VALIDATIONS, 0.0)

@@ -22,7 +22,7 @@ LEAST_SIDE = 128  # pixels that downsampling leaves
 
 @dataclass(frozen=True)
 class Downsampling:
-    """Pictures are downsampled by a `factor` of 1, 2, 4 or 8 before the cooldown of a stage of so many `steps`."""
+    """Pictures are downsampled by a `factor` of 1, 2, 4 or 8 before the cooldown of a stage, which has `steps`."""
 
     factor: int
     steps: int

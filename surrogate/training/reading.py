@@ -31,8 +31,8 @@ class Reading:
     def of(cls, catalog: Catalog, rows: Sequence[Sequence[ImageRow]], factor: int, load: float) -> Reading:
         """For training on `rows` of images that are downsampled by a factor in early steps."""
         images, in_memory = sum(map(len, rows)), sum(fitting_in_memory(catalog, of) for of in rows)
-        kept = kept_share(4.0 * images * pixels(rows[0]) / factor**2) if factor > 1 else 0.0
-        return cls(images, in_memory, load, 1.0 - (1.0 - COOLDOWN) * kept)
+        again = kept_share(4.0 * images * pixels(rows[0]) / factor**2) if factor > 1 else 0.0
+        return cls(images, in_memory, load, 1.0 - (1.0 - COOLDOWN) * again)
 
     @property
     def before(self) -> float:

@@ -15,7 +15,7 @@ MEMORY = 1 << 29  # bytes of downsampled images that are kept for the next epoch
 
 
 def kept_share(bytes_of_all: float) -> float:
-    """The share of downsampled images that are kept, where all of them have so many bytes."""
+    """The share of downsampled images that memory holds."""
     return min(1.0, MEMORY / bytes_of_all)
 
 

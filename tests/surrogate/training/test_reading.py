@@ -8,7 +8,7 @@ from surrogate.training.reading import Reading
 
 
 def seconds(reading: Reading, steps: int, step: float, *, kept: bool) -> float:
-    """Of so many steps, counted by what is read in each: early images once where they are kept, late ones again and again."""
+    """Of some steps, by what each reads: early images once where they are kept, late ones again and again."""
     of_disk = 1.0 - reading.in_memory / reading.images
     if not kept:
         return steps * (step + of_disk * reading.load)
