@@ -151,7 +151,7 @@ class TrainingSettings:
     validation_interval, validation_images : steps between validations, and images of each; 0 for none.
     checkpoint_seconds : time between checkpoints.
     batch : images of a step; rates are multiplied by its square root.
-    early_downsampling : side of the blocks of pixels that are averaged to one: 1, 2, 4 or 8.  It falls to 1 in the last 30 % of each
+    early_downsampling : side of the blocks of pixels that are averaged to one: 1, 2, 4 or 8.  It falls to 1 in the last 30 % of a
         stage.  Images whose sides it does not divide stay whole.
 
     Examples
