@@ -28,7 +28,7 @@ from surrogate.model.judged import ALL_LEARNT, LEARNT, judged
 from surrogate.model.representation import DRAWN, FIELD, FUNCTION, GAUSSIANS, VIEW, RepresentationScores
 from surrogate.provenance import code, commit
 from surrogate.splatting.threads import one_torch_thread
-from surrogate.training.other_functions import fitting, scores_under_other_functions
+from surrogate.training.other_functions import number_of_pictures, scores_under_other_functions
 from surrogate.training.source import Source
 
 MOST_SCORED, FEWEST_SCORED = 48, 12  # validation images of each kind: 48 of 512 x 512 pixels, fewer of larger ones
@@ -213,7 +213,7 @@ def _with_validation_members(field: FieldModel, catalog: Catalog) -> FieldModel:
 def _of_validation_members(cases: Sequence[Case]) -> list[Case]:
     """Some cases of members for validation: what was learnt from says nothing of unseen parameters."""
     unseen = [case for case in cases if case.member.split == VALIDATION]
-    most = fitting(unseen[0].camera, MOST_SCORED, FEWEST_SCORED) if unseen else 0
+    most = number_of_pictures(unseen[0].camera, MOST_SCORED, FEWEST_SCORED) if unseen else 0
     return [unseen[i] for i in spread(len(unseen), most)]
 
 

@@ -49,7 +49,7 @@ def scores_under_other_functions(
     unseen = [m for m in catalog.members if m.split in splits and field_of(base) in m.coarse_names()]
     scores: dict[str, list[float]] = {}
     for member in (unseen[i] for i in spread(len(unseen), MOST_MEMBERS)):
-        most = fitting(member.cameras[0], MOST_VIEWS, 1)
+        most = number_of_pictures(member.cameras[0], MOST_VIEWS, 1)
         views = [member.cameras[i] for i in spread(len(member.cameras), most)]
         for function, truths in _truths(member, base, views):
             names, prediction = _under(surrogate, function, member)
@@ -59,8 +59,8 @@ def scores_under_other_functions(
     return {name: float(np.mean(of)) for name, of in scores.items()}
 
 
-def fitting(camera: Camera, most: int, fewest: int) -> int:
-    """The number of pictures through a camera that have as many pixels as `most` of `PIXELS`, in these bounds."""
+def number_of_pictures(camera: Camera, most: int, fewest: int) -> int:
+    """The most pictures through a camera, fewer where they have more than `PIXELS`: all together have no more then."""
     return max(fewest, min(most, round(most * PIXELS / (camera.width * camera.height))))
 
 

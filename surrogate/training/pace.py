@@ -95,6 +95,7 @@ def _median_seconds(
     It is that of the means of `INTERVAL` steps, one of which learns from the values of fields as well.
     """
     least = max(LEAST_SECONDS, lasting)
+    # Twice as many steps, of which all that are made come before the cooldown, where images have one size.
     run, durations = StageRun(replace(stage, steps=2 * MOST_STEPS), settings, data), list[float]()
     while run.step < MOST_STEPS and data.ranks.agreed(len(durations) < LEAST_STEPS or sum(durations) < least):
         started = clock()

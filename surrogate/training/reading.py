@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from catalogs.store.catalog import Catalog
 from surrogate.training.data import ImageRow, fitting_in_memory
 from surrogate.training.stages import COOLDOWN
-from surrogate.training.step_images import kept_share
+from surrogate.training.step_images import share_in_memory
 
 
 @dataclass(frozen=True)
@@ -31,7 +31,7 @@ class Reading:
     def of(cls, catalog: Catalog, rows: Sequence[Sequence[ImageRow]], factor: int, load: float) -> Reading:
         """For training on `rows` of images that are downsampled by a factor in early steps."""
         images, in_memory = sum(map(len, rows)), sum(fitting_in_memory(catalog, of) for of in rows)
-        again = kept_share(4.0 * images * pixels(rows[0]) / factor**2) if factor > 1 else 0.0
+        again = share_in_memory(4.0 * images * pixels(rows[0]) / factor**2) if factor > 1 else 0.0
         return cls(images, in_memory, load, 1.0 - (1.0 - COOLDOWN) * again)
 
     @property

@@ -14,7 +14,7 @@ WHOLE = Downsampling(1, 0)
 MEMORY = 1 << 29  # bytes of downsampled images that are kept for the next epochs
 
 
-def kept_share(bytes_of_all: float) -> float:
+def share_in_memory(bytes_of_all: float) -> float:
     """The share of downsampled images that memory holds."""
     return min(1.0, MEMORY / bytes_of_all)
 

@@ -73,7 +73,7 @@ def test_minutes_are_spent_on_loading_steps_and_choices(
     steps = settings.canonical_steps + settings.deformation_steps
     assert (steps, chosen["compressed"]) == (chosen["steps"], True)
     choices = 0.010 * steps * (budget.COMPRESSION + budget.COLOR_PROBES) + 0.002 * budget.PICTURES
-    validated = 0.002 * 2 * budget.VALIDATIONS
+    validated = 0.002 * 3 * budget.VALIDATIONS  # of three images
     assert 0.010 * steps + choices + validated == pytest.approx(600.0 - elapsed - budget.SPARE - 6 * 0.001, abs=0.1)
 
 

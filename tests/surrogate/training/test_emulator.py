@@ -20,7 +20,7 @@ from surrogate.model import FieldModel, Surrogate
 from surrogate.model.representation import BOTH, FIELD, GAUSSIANS
 from surrogate.settings import TrainingSettings
 from surrogate.training.emulator import fit, lacking
-from surrogate.training.other_functions import fitting, other_functions, scores_under_other_functions
+from surrogate.training.other_functions import number_of_pictures, other_functions, scores_under_other_functions
 from surrogate.training.run import train
 from surrogate.training.source import MOST_ERROR, Source
 from tests.support.field_catalogs import rendered
@@ -100,7 +100,7 @@ def test_gaussians_that_carry_colours_have_no_score_under_other_functions(catalo
 @pytest.mark.parametrize(("side", "count"), [(16, 48), (512, 48), (724, 24), (1024, 12), (4096, 12)])
 def test_fewer_large_pictures_are_compared(side: int, count: int) -> None:
     camera = Camera.look_at((0.4, -3.0, 0.7), (0, 0, 0), vertical_fov_degrees=40.0, width=side, height=side)
-    assert fitting(camera, 48, 12) == count
+    assert number_of_pictures(camera, 48, 12) == count
 
 
 def test_catalogs_without_fields_are_trained_as_ever(tmp_path: Path) -> None:

@@ -14,7 +14,7 @@ from surrogate import Surrogate, TrainingSettings, train
 from surrogate.training import data, step_images
 from surrogate.training.data import Example
 from surrogate.training.downsampling import Downsampling
-from surrogate.training.step_images import StepImages, kept_share
+from surrogate.training.step_images import StepImages, share_in_memory
 from tests.support.blobs import Blobs
 
 QUICK = TrainingSettings(
@@ -86,7 +86,7 @@ def test_early_images_are_downsampled_and_some_of_them_kept(
     if not in_memory:
         early, late = 6 + (6 - kept), 12
         assert early + late <= len(read) <= early + late + step_images.AHEAD
-    assert kept_share(6 * 4 * 3 * 4) == pytest.approx(min(1.0, memory / (6 * 4 * 3 * 4)))
+    assert share_in_memory(6 * 4 * 3 * 4) == pytest.approx(min(1.0, memory / (6 * 4 * 3 * 4)))
 
 
 def test_an_image_that_can_not_be_read_says_so_at_its_step() -> None:
