@@ -204,20 +204,22 @@ def _in_time(
 ) -> tuple[TrainingSettings, dict[str, Any]]:
     rows = _rows(source)
     worth = _worth(source, rows[0])
-    table = {"gaussians": _stated_size(source, rows[0], worth, seconds / len(rows)), **table}
+    stated = source.ranks.agreed(_stated_size(source, rows[0], worth, seconds / len(rows)))
+    table = {"gaussians": stated, **table}
     tried = TrainingSettings.from_table({**_design(source, worth), **table})
     slowest = Source(_slowest(tried, source.target), source.catalog, source.ranks)
     pace = measure_pace(slowest, rows, elapsed, min(MOST_MEASURED, MEASURED_SHARE * seconds) / len(rows))
     reading = Reading.of(source.catalog, rows, tried.early_downsampling, pace.load)
     judging = source.ranks.by_first(lambda: _Judging.of(tried, source, seconds, pace))
     spent = source.ranks.agreed(elapsed())
-    left = seconds - spent - SPARE - pace.begin - reading.before - judging.seconds
+    aside = pace.begin + judging.seconds
+    left = seconds - spent - SPARE - reading.before - aside
     choosing = tried.fit_to_need and judging.images > 0
     compressing = choosing and PICTURES * pace.draw <= LARGEST_SHARE * left
     overhead = COMPRESSION * compressing + COLOR_PROBES * (tried.color_degree == "auto")
     steps, step = reading.steps(left - PICTURES * pace.draw * compressing, pace.mean_step, 1.0 + overhead / len(rows))
     if steps < FEWEST_STEPS * len(rows):
-        raise ValueError(_too_short(seconds, spent, reading, len(rows), pace))
+        raise ValueError(_too_short(seconds, spent, aside, reading, len(rows), pace))
     choices = table if compressing or not choosing else {"fit_to_need": False, **table}
     return _sized(choices, source, worth, steps, judging.validations), {
         "gaussians": tried.gaussians,
@@ -277,15 +279,16 @@ def _stated_size(source: Source, rows: Sequence[ImageRow], worth: Worth, seconds
     return max(filter(is_worth, sizes), default=SMALLEST)
 
 
-def _too_short(seconds: float, spent: float, reading: Reading, stages: int, pace: Pace) -> str:
+def _too_short(seconds: float, spent: float, aside: float, reading: Reading, stages: int, pace: Pace) -> str:
     """The sentence on minutes that don't suffice: what takes the time, and the least that would."""
     load, training = reading.before, FEWEST_STEPS * stages * pace.mean_step
     overhead = (1.0 + COMPRESSION + COLOR_PROBES) / (1.0 - LARGEST_SHARE)
-    least = LENIENCE * (spent + SPARE + load + overhead * training) / 60.0
+    least = LENIENCE * (spent + SPARE + load + aside + overhead * training) / 60.0
     return (
         f"{seconds / 60.0:g} minutes are too short here: starting up and measuring this machine's speed took {spent:.0f} s, "
-        f"loading {reading.in_memory:,} images takes {load:.0f} s, the fewest {FEWEST_STEPS * stages} steps {training:.0f} s, and "
-        f"writing {SPARE:.0f} s: --minutes {math.ceil(10.0 * least) / 10.0:g} suffices, or give --steps instead"
+        f"loading {reading.in_memory:,} images takes {load:.0f} s, the fewest {FEWEST_STEPS * stages} steps {training:.0f} s, "
+        f"the start and validation {aside:.0f} s, and writing {SPARE:.0f} s: "
+        f"--minutes {math.ceil(10.0 * least) / 10.0:g} suffices, or give --steps instead"
     )
 
 
