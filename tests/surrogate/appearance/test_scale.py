@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from catalogs.vocabulary.appearance import TransferFunction
-from surrogate.appearance.scale import ValueScale
+from surrogate.appearance.scale import AT_ONCE, ValueScale
 
 GAPS = st.lists(st.floats(0.01, 100.0), min_size=1, max_size=11)
 KNOTS = st.tuples(st.floats(-1e4, 1e4), GAPS).map(lambda drawn: np.cumsum([drawn[0], *drawn[1]]))
@@ -19,6 +19,21 @@ KNOTS = st.tuples(st.floats(-1e4, 1e4), GAPS).map(lambda drawn: np.cumsum([drawn
 def test_places_and_values_are_inverse(knots: NDArray[np.float64], place: float) -> None:
     scale = ValueScale(knots)
     assert scale.places(scale.values(place)) == pytest.approx(place, abs=1e-6)
+
+
+@given(KNOTS)
+def test_of_many_places_each_has_its_own_value(knots: NDArray[np.float64]) -> None:
+    scale = ValueScale(knots)
+    places = np.linspace(-0.5, 1.5, 2 * (AT_ONCE + 3), dtype=np.float32).reshape(2, -1)
+    low = np.clip(np.floor(places.astype(np.float64) * (len(knots) - 1)).astype(np.int64), 0, len(knots) - 2)
+    share = places.astype(np.float64) * (len(knots) - 1) - low
+    np.testing.assert_allclose(
+        scale.values(places), knots[low] * (1.0 - share) + knots[low + 1] * share, rtol=1e-9, atol=1e-9
+    )
+
+
+def test_a_place_that_is_no_number_has_no_value() -> None:
+    np.testing.assert_array_equal(ValueScale(np.array([0.0, 1.0, 3.0])).values([np.nan, 1.0]), [np.nan, 3.0])
 
 
 def test_knots_lie_evenly_and_the_ends_go_on() -> None:
