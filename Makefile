@@ -39,8 +39,8 @@ setup: $(SETUP)
 $(SETUP): $(SOURCES)
 	@$(PYTHON) .ci/check_system.py
 	$(PYTHON) -m venv .venv
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt $(shell sed -n 's/^torch==/torch==/p' constraints.txt)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[test,docs]'
+	$(BIN)/python -m pip install --no-compile --quiet --disable-pip-version-check -c constraints.txt $(shell sed -n 's/^torch==/torch==/p' constraints.txt)
+	$(BIN)/python -m pip install --no-compile --quiet --disable-pip-version-check -c constraints.txt -e '.[test,docs]'
 	@touch $@
 
 dataset: $(SETUP) $(HOOKED)
@@ -109,7 +109,7 @@ examples: $(EXAMPLES)
 
 define environment
 $(PYTHON) -m venv --clear .venv-$*
-.venv-$*/bin/python -m pip install --quiet --disable-pip-version-check $(1)
+.venv-$*/bin/python -m pip install --no-compile --quiet --disable-pip-version-check $(1)
 $(if $(2),$(2) .venv-$*)
 @touch $@
 endef
@@ -128,10 +128,10 @@ lint: $(SETUP)
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 
-# A process a core and one more, since some tests wait; each with one thread, and with bytecode kept for the commands that tests
+# Four processes, also on two cores, since some tests wait; each with one thread, and with bytecode kept for the commands that tests
 # start.  The tests of a file stay together, for they share what they trained or rendered; files that take long come first
 # (tests/conftest.py).  Their folders are in memory where that has room: the tests write 100,000 files.
-PROCESSES := $(shell cores=$$(nproc 2>/dev/null || echo 1); [ $$cores -lt 4 ] && echo $$((cores + 1)) || echo 4)
+PROCESSES := $(shell cores=$$(nproc 2>/dev/null || echo 1); [ $$cores -lt 2 ] && echo 2 || echo 4)
 FOLDERS   := $(shell test "$$(df --output=avail /dev/shm 2>/dev/null | tail -n 1)" -gt 8000000 2>/dev/null && echo TMPDIR=/dev/shm)
 PYTEST    := $(FOLDERS) OMP_NUM_THREADS=1 PYTHONDONTWRITEBYTECODE= $(BIN)/python -m pytest -n $(PROCESSES) --dist loadfile --no-loadscope-reorder
 

@@ -68,7 +68,7 @@ def try_wheel(source: Path, python: Path, folder: Path) -> str:
     commands = folder / "fresh" / "bin"
     run([commands / "python", "-m", "pip", "wheel", "--quiet", "--no-deps", "--wheel-dir", folder, source], folder)
     (wheel,) = folder.glob("*.whl")
-    run([commands / "python", "-m", "pip", "install", "--quiet", wheel], folder)
+    run([commands / "python", "-m", "pip", "install", "--no-compile", "--quiet", wheel], folder)
     run([commands / "catalogs", "--version"], folder)
     for half in ("insitu", "surrogate"):
         report = json.loads(run([commands / half, "doctor", "--json"], folder))

@@ -152,7 +152,7 @@ def test_dragging_turns_the_thing_with_the_pointer(grid: Catalog, server: Catalo
     middle = np.mean(grid.plan.bounds, axis=0)
     poles = {view for view, camera in enumerate(grid.plan.cameras) if abs(camera.forward[2]) > 0.99}
     agreements = []
-    for start in (0, 5, 12, 20, 33, 41):
+    for start in (0, 12, 33):
         for by in ((110, 0), (-110, 0), (0, 110), (0, -110)):
             visit(page, f"{server.address}#member=m0&view={start}&lines=off")
             assert shown(page)[2] == start
@@ -164,7 +164,7 @@ def test_dragging_turns_the_thing_with_the_pointer(grid: Catalog, server: Catalo
             near = middle - 0.5 * before.forward
             moved = (after.project(near[None])[0] - before.project(near[None])[0])[0]
             agreements.append(float(np.dot(moved, by) / np.linalg.norm(moved) / np.linalg.norm(by)))
-    assert len(agreements) >= 10
+    assert len(agreements) >= 6
     assert min(agreements) > 0.4
     assert np.mean(agreements) > 0.8
 

@@ -23,7 +23,7 @@ def test_fields_of_the_ensemble_follow_two_parameters_where_they_are_seen() -> N
 
 @pytest.mark.slow
 def test_intervals_hold_for_members_that_others_calibrate(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(blobs, "MEMBERS", {"train": 16, "validation": 4, "test": 4})
+    monkeypatch.setattr(blobs, "MEMBERS", {"train": 16, "validation": 3, "test": 2})
     monkeypatch.setattr(inverse, "FACTORS", 2)
     blobs.main([str(tmp_path / "run")])
     catalog = Catalog.open(tmp_path / "run" / "catalog.cdb")
