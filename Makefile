@@ -120,8 +120,8 @@ docs: $(SETUP)
 	OMP_NUM_THREADS=1 $(BIN)/sphinx-build -q -n -W --keep-going -b html $(if $(filter 0,$(GALLERY)),-D plot_gallery=0) docs build/site
 
 # The sdist, and the wheel of each Python, each alone in an empty environment: `make packages PYTHONS="python3.11 python3.12"`.
-packages: $(SETUP)
-	$(BIN)/python .ci/check_packages.py $(PYTHONS)
+packages:
+	$(PYTHON) .ci/check_packages.py $(PYTHONS)
 
 lint: $(SETUP)
 	$(BIN)/ruff check . && $(BIN)/ruff format --check .
