@@ -26,10 +26,12 @@ import tempfile
 import time
 from collections.abc import Iterable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
+from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import BinaryIO, NamedTuple
 
 PARTIAL = ".partial"
+PARTIALS = f".*~*{PARTIAL}"
 SYNCS_AT_ONCE = 16
 BLOCK = 1 << 20  # bytes per write of data that comes in pieces
 QUIET_SECONDS = 86400.0  # without a change, after which a writer on another machine counts as dead
@@ -265,7 +267,12 @@ def partial_name(path: Path) -> Path:
 
 def partials(folder: Path) -> list[Path]:
     """Files and folders in `folder` that are being written or whose writer died."""
-    return sorted(folder.glob(f".*~*{PARTIAL}"))
+    return sorted(folder.glob(PARTIALS))
+
+
+def is_partial(name: str) -> bool:
+    """True for a name by `partial_name`."""
+    return fnmatchcase(name, PARTIALS)
 
 
 def remove_abandoned(folder: Path) -> list[Path]:

@@ -96,9 +96,14 @@ def _digest(parts: Mapping[str, str], without: tuple[str, ...] = ()) -> str:
 
 
 def _refuse_foreign(path: Path, table: bytes) -> None:
-    """Raise CatalogError where the folder holds anything but the remains of an interrupted `create` of the same `table`."""
-    ours = {LOCK, MEMBERS, *HIDDEN, *(partial.name for partial in durable.partials(path))}
-    foreign = {entry.name for entry in path.iterdir()} - ours
+    """Raise CatalogError where the folder holds anything but the remains of an interrupted `create` of the same `table`.
+
+    Another process may be creating it, or have created it: files come and go, so they are listed once.
+    """
+    names = {entry.name for entry in path.iterdir()}
+    foreign = {name for name in names - {LOCK, MEMBERS, *HIDDEN} if not durable.is_partial(name)}
+    if DESCRIPTION in foreign:
+        return
     if TABLE in foreign and (path / TABLE).read_bytes() == table:
         foreign.remove(TABLE)
     if foreign:

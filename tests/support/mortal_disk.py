@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import signal
+import traceback
 from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
 from functools import wraps
@@ -47,6 +48,7 @@ def in_child(work: Callable[[], None]) -> tuple[int, Callable[[], int]]:
         try:
             work()
         except BaseException:
+            traceback.print_exc()
             os._exit(3)
         os._exit(0)
     return child, lambda: os.waitpid(child, 0)[1]

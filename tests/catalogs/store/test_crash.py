@@ -7,6 +7,7 @@ import random
 import shutil
 import signal
 import time
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -110,6 +111,28 @@ def test_writers_at_once_lose_nothing(folder: Path, undisturbed: dict[str, bytes
     waits = [in_child(lambda name=name: write_all(path, (name,)))[1] for name in MEMBERS]
     assert [wait() for wait in waits] == [0, 0, 0]
     assert contents(path) == undisturbed
+
+
+@pytest.mark.parametrize("step", [*range(1, 12), 1000])
+def test_a_catalog_that_another_process_makes_meanwhile_is_opened(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, step: int
+) -> None:
+    """The other one has come as far as operation `step`, or to the end, when this process lists the files."""
+    path, listed = folder / "shared.cdb", Path.iterdir
+    path.mkdir()
+
+    def make() -> None:
+        MortalDisk(step, "before", path).install()
+        Catalog.create(path, small_plan())
+
+    def list_late(place: Path) -> Iterator[Path]:
+        monkeypatch.undo()
+        in_child(make)[1]()
+        return listed(place)
+
+    monkeypatch.setattr(Path, "iterdir", list_late)
+    add_member(Catalog.create(path, small_plan()), "a", 110.0)
+    assert check(path) == []
 
 
 @pytest.mark.slow
