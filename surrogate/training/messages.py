@@ -14,6 +14,7 @@ from catalogs.vocabulary.appearance import Appearance, Isosurface, VolumeRenderi
 from catalogs.vocabulary.variations import Variation
 from catalogs.vocabulary.words import FEWEST_LEARNT, joined_names, plural, shortened
 from surrogate.evaluation.cases import VALIDATION, Case, base_cells
+from surrogate.evaluation.metrics import TrueImage
 from surrogate.evaluation.predictor import SurrogatePredictor
 from surrogate.evaluation.scoring import mean, score_cases, spread
 from surrogate.model import Surrogate
@@ -21,9 +22,10 @@ from surrogate.splatting.threads import one_torch_thread
 from surrogate.storage.runs import RunFolder, RunRecord
 from surrogate.training.content import empty_images
 from surrogate.training.emulator import described
+from surrogate.training.other_functions import number_of_pictures
 from surrogate.training.source import Source
 
-MOST_SCORED = 40  # test images
+MOST_SCORED, FEWEST_SCORED = 40, 10  # test images: 40 of 512 x 512 pixels, fewer of larger ones
 EMPTY_SHARE = 0.2  # of the images looked at, from which on there is one
 UNKNOWN = "no member tests it, so nothing is known of unseen parameters"
 HOLD_OUT, FEWEST = "--hold-out 0.2 keeps some aside", 3  # members, of which one may lie between others
@@ -210,7 +212,9 @@ def _score(surrogate: Surrogate, catalog: Catalog) -> str:
     ):
         group: list[Case] = list(cells[views][parameters])
         if group:
-            some = [group[i] for i in spread(len(group), MOST_SCORED)]
-            [scores] = score_cases(SurrogatePredictor(at, catalog.plan.background), catalog, some)
+            most = number_of_pictures(group[0].camera, MOST_SCORED, FEWEST_SCORED)
+            some = [group[i] for i in spread(len(group), most)]
+            predictor = SurrogatePredictor(at, catalog.plan.background)
+            [scores] = score_cases(predictor, catalog, some, metrics=TrueImage.psnr_alone)
             return f"PSNR {mean(scores.values(), 'psnr'):.2f} dB over {len(some)} test images: {words}"
     return "no image tests it: the catalog has no view and no member that was not learnt from"

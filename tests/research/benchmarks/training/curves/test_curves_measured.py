@@ -34,7 +34,7 @@ def test_what_is_no_point_is_left_out(tmp_path: Path) -> None:
 def test_a_scene_is_trained_once_and_scored_on_its_test_images(tmp_path: Path, capsys, monkeypatch) -> None:
     scene = scene_file(tmp_path)
     rendered(scene, tmp_path / "runs")
-    command = ["curves", scene, "--minutes", 0.1, "--runs", tmp_path / "runs", "--records", tmp_path / "records"]
+    command = ["curves", scene, "--minutes", 0.25, "--runs", tmp_path / "runs", "--records", tmp_path / "records"]
     monkeypatch.setattr(sys, "argv", [*map(str, command)])
     main()
     [found] = load(tmp_path / "records" / "again")
