@@ -295,8 +295,9 @@ class Explorer {
     };
   }
 
-  async show(answer, moving, request) {
+  async show(answer, moving, request, isNewest) {
     const bitmaps = await Promise.all(answer.pictures.map(bytes => decoded(bytes, answer.form)));
+    if (!isNewest()) return bitmaps.forEach(bitmap => bitmap.close()); // they are decoded side by side
     paint(this.panes.map(p => p.canvas), bitmaps);
     this.annotate(request);
     await new Promise(requestAnimationFrame);

@@ -6,8 +6,8 @@ const REST = 45; // milliseconds without a change after which it rests
 
 export class Stream {
   /**
-   * `request(moving)` makes the message; `frame(request)` resolves to an answer; `show(answer, moving, request)` puts it on the
-   * screen and resolves when it is there;
+   * `request(moving)` makes the message; `frame(request)` resolves to an answer; `show(answer, moving, request, isNewest)` puts it on
+   * the screen, if `isNewest()` says then that no later one is there already, and resolves when it is there;
    * `fail(error)` says why there is none.
    */
   constructor(request, frame, show, fail) {
@@ -15,6 +15,8 @@ export class Stream {
     this.waiting = 0; // frames that were asked for and are not on the screen yet
     this.dirty = false; // whether something changed since
     this.whole = false; // whether the last that was asked for is a whole one
+    this.asked = 0; // frames, of which each has its number
+    this.newest = 0; // number of the last that was put on the screen
   }
 
   /** Whether the newest wish is on the screen, whole. */
@@ -45,11 +47,17 @@ export class Stream {
   async ask(moving) {
     this.whole = !moving;
     this.waiting += 1;
+    const number = this.asked += 1;
+    const isNewest = () => {
+      if (number < this.newest) return false;
+      this.newest = number;
+      return true;
+    };
     try {
       const request = this.request(moving);
-      await this.show(await this.frame(request), moving, request);
+      await this.show(await this.frame(request), moving, request, isNewest);
     } catch (error) {
-      this.fail(error);
+      if (isNewest()) this.fail(error);
     } finally {
       this.waiting -= 1;
       this.pump();
