@@ -45,6 +45,8 @@ FINEST = 1 / 8  # spacings between samples of the reference
 CHECKED_PIXELS = 48
 ORIGIN = -1.0
 FOLDERS = ("catalogs", "native", "render", "insitu", "research/benchmarks/hook")
+# A server that resets when its last client leaves refuses the next one meanwhile, which pvbatch is itself.
+SCREEN = "-screen 0 1280x1024x24 -noreset"
 LAUNCHER = "import sys\nfrom research.benchmarks.hook.{module} import draw\ndraw(sys.argv[1])\n"
 REMEDY = (
     "install ParaView with it (Debian: apt-get install paraview python3-paraview xvfb xauth) or pass --pvbatch PATH"
@@ -103,8 +105,9 @@ def command_of(module: str, launcher: Path, request: Path, pvbatch: str) -> list
     program = shutil.which(pvbatch)
     if program is None:
         raise click.ClickException(f"{pvbatch} is not there: {REMEDY}")
-    virtual = [] if os.environ.get("DISPLAY") else [shutil.which("xvfb-run")]
-    return [*(part for xvfb in virtual if xvfb for part in (xvfb, "-a")), program, str(launcher), str(request)]
+    xvfb = None if os.environ.get("DISPLAY") else shutil.which("xvfb-run")
+    virtual = [xvfb, "-a", "-s", SCREEN] if xvfb else []
+    return [*virtual, program, str(launcher), str(request)]
 
 
 def step_of_paraview(size: int) -> float:

@@ -21,6 +21,7 @@ from render.datasets import to_grid
 from render.window import open_window
 from research.benchmarks.hook import pvbatch_views
 from research.benchmarks.hook.paraview import (
+    SCREEN,
     WAYS,
     TimedViews,
     Way,
@@ -59,7 +60,7 @@ def test_pvbatch_gets_a_virtual_display_where_there_is_none(tmp_path: Path, monk
     monkeypatch.setenv("PATH", str(tmp_path))
     monkeypatch.delenv("DISPLAY", raising=False)
     plain = [pvbatch, str(launcher), str(request)]
-    assert command_of("pvbatch_views", launcher, request, "pvbatch") == [xvfb, "-a", *plain]
+    assert command_of("pvbatch_views", launcher, request, "pvbatch") == [xvfb, "-a", "-s", SCREEN, *plain]
     (tmp_path / "xvfb-run").unlink()
     assert command_of("pvbatch_views", launcher, request, "pvbatch") == plain
     program(tmp_path, "xvfb-run")
