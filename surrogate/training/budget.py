@@ -65,7 +65,8 @@ COMPRESSION = 0.18  # of the same steps: fine-tunings after each choice
 PICTURES = 4_000  # drawn to make the choices of compression
 LARGEST_SHARE = 0.2  # of the time that these pictures may take: else nothing is compressed
 SPARE = 3.0  # seconds, to begin and to write down
-COMPARED, SECONDS_PER_COMPARED_PIXEL = 144, 3e-7  # pictures of Gaussians and field at the end, and a core's time
+# Pictures of the field alone before training, and of Gaussians and field and of test members after it, and a core's time.
+COMPARED, SECONDS_PER_COMPARED_PIXEL = 280, 3e-7
 SECONDS_PER_VALUE = 6e-7  # of members' fields, to emulate them twice, the second time with validation members
 LENIENCE = 1.25  # for machines that are slower the next time
 
@@ -238,7 +239,7 @@ class _Judging:
     Attributes
     ----------
     images, validations : numbers of images for validation, and of times that they are drawn in a training.
-    seconds : of these, and of emulating the fields and comparing them with Gaussians at the end.
+    seconds : of these, of emulating the fields, and of the pictures that are compared before and after training.
     """
 
     images: int

@@ -2,35 +2,42 @@
 
     python -m research.benchmarks.training.budgets CATALOG... --minutes 2 [--times 0.25 0.5 1 2 4] [--hold-out 0.2]
 
-Each row trains the catalog again and is scored on its validation images. Times depend on the load of the machine:
-beside other work, only rows of one run can be compared.
+Each row is a run of the command, timed from its start to its end, and scored on validation images. Times depend on the
+load of the machine: beside other work, only rows of one run can be compared.
 """
 
 from __future__ import annotations
 
+import subprocess
+import sys
 import tempfile
 import time
 from collections.abc import Sequence
 from pathlib import Path
 
+import click
+
 from research.benchmarks.page import command_line
-from surrogate.training.begin import TrainingOptions, begin
-from surrogate.training.budget import Budget
-from surrogate.training.run import train
+from surrogate import Surrogate
+from surrogate.storage.runs import RunFolder
 
 
 def row(catalog: Path, minutes: float, gaussians: int | None, hold_out: float | None) -> tuple[int, str]:
-    """The number of trained Gaussians, and a line about them."""
+    """The number of Gaussians that training begins with, and a line about them; raises click.ClickException where it fails."""
+    options = [] if hold_out is None else ["--hold-out", str(hold_out)]
+    words = [] if gaussians is None else [f"gaussians={gaussians}"]
     started = time.perf_counter()
     with tempfile.TemporaryDirectory() as folder:
-        settings = {} if gaussians is None else {"gaussians": gaussians}
-        request = TrainingOptions(Budget(minutes=minutes), hold_out, settings)
-        run = begin(catalog, Path(folder) / "run", request, elapsed=lambda: time.perf_counter() - started)
-        surrogate = train(run.settings, run.catalog, run.model)
-    taken, steps = (time.perf_counter() - started) / 60.0, surrogate.training["steps"]
-    psnr = max(point["psnr"] or 0.0 for point in surrogate.training["curve"])
-    text = f"{run.settings.gaussians:>7,} Gaussians {steps:>7,} steps  validation {psnr:.2f} dB  {taken:.2f} of {minutes:g} minutes"
-    return run.settings.gaussians, text
+        command = ["train", str(catalog), *words, "--minutes", str(minutes), *options, "--runs", folder]
+        done = subprocess.run([sys.executable, "-m", "surrogate", *command], capture_output=True, text=True)
+        taken = (time.perf_counter() - started) / 60.0
+        if done.returncode:
+            raise click.ClickException(f"surrogate {' '.join(command)}\n{done.stderr.strip()}")
+        (run,) = Path(folder).iterdir()
+        training, settings = Surrogate.load(run / "surrogate").training, RunFolder.open(run).settings
+    psnr = max(point["psnr"] or 0.0 for point in training["curve"])
+    model = f"{settings.gaussians:>7,} Gaussians {training['steps']:>7,} steps  validation {psnr:.2f} dB"
+    return settings.gaussians, f"{model}  {taken:.2f} of {minutes:g} minutes"
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
