@@ -13,6 +13,8 @@ SCENES  ?= $(filter $(basename $(notdir $(wildcard scenes/*.toml))),$(patsubst $
 BIN     := .venv/bin
 STUDY   := $(BIN)/python -m research.studies
 SETUP   := .venv/.complete
+# Without bytecode, which took 80 of 197 s: Python writes that of what is imported.
+PIP     := -m pip install --no-compile --quiet --disable-pip-version-check
 SOURCES := pyproject.toml constraints.txt CMakeLists.txt $(wildcard native/kernels/src/*)
 # The example whose script scene SCENE runs, if it is hooked: somebody else's code, in an environment of its own.
 EXAMPLE := $(shell sed -n 's|^script = "../examples/\([^/"]*\)/.*|\1|p' scenes/$(SCENE).toml 2>/dev/null)
@@ -39,8 +41,8 @@ setup: $(SETUP)
 $(SETUP): $(SOURCES)
 	@$(PYTHON) .ci/check_system.py
 	$(PYTHON) -m venv .venv
-	$(BIN)/python -m pip install --no-compile --quiet --disable-pip-version-check -c constraints.txt $(shell sed -n 's/^torch==/torch==/p' constraints.txt)
-	$(BIN)/python -m pip install --no-compile --quiet --disable-pip-version-check -c constraints.txt -e '.[test,docs]'
+	$(BIN)/python $(PIP) -c constraints.txt $(shell sed -n 's/^torch==/torch==/p' constraints.txt)
+	$(BIN)/python $(PIP) -c constraints.txt -e '.[test,docs]'
 	@touch $@
 
 dataset: $(SETUP) $(HOOKED)
@@ -109,7 +111,7 @@ examples: $(EXAMPLES)
 
 define environment
 $(PYTHON) -m venv --clear .venv-$*
-.venv-$*/bin/python -m pip install --no-compile --quiet --disable-pip-version-check $(1)
+.venv-$*/bin/python $(PIP) $(1)
 $(if $(2),$(2) .venv-$*)
 @touch $@
 endef

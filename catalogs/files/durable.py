@@ -31,7 +31,7 @@ from pathlib import Path
 from typing import BinaryIO, NamedTuple
 
 PARTIAL = ".partial"
-PARTIALS = f".*~*{PARTIAL}"
+PARTIAL_NAMES = f".*~*{PARTIAL}"
 SYNCS_AT_ONCE = 16
 BLOCK = 1 << 20  # bytes per write of data that comes in pieces
 QUIET_SECONDS = 86400.0  # without a change, after which a writer on another machine counts as dead
@@ -267,12 +267,12 @@ def partial_name(path: Path) -> Path:
 
 def partials(folder: Path) -> list[Path]:
     """Files and folders in `folder` that are being written or whose writer died."""
-    return sorted(folder.glob(PARTIALS))
+    return sorted(folder.glob(PARTIAL_NAMES))
 
 
 def is_partial(name: str) -> bool:
     """True for a name by `partial_name`."""
-    return fnmatchcase(name, PARTIALS)
+    return fnmatchcase(name, PARTIAL_NAMES)
 
 
 def remove_abandoned(folder: Path) -> list[Path]:

@@ -20,7 +20,7 @@ JUPYTER = ("nbformat", "nbclient", "ipykernel")
 SMALLER = {  # what the notebook says, and what is enough for a test
     "width=128, height=128": "width=64, height=64",
     "canonical_steps=400, deformation_steps=2500, visualization_steps=1500": (
-        "canonical_steps=100, deformation_steps=1200, visualization_steps=300"
+        "canonical_steps=100, deformation_steps=2200, visualization_steps=300"
     ),
 }
 
@@ -54,15 +54,15 @@ def pictures(notebook: Any, name: str) -> int:
     return sum("image/png" in output.get("data", {}) for output in cell(notebook, name).outputs)
 
 
-def check_results(notebook: Any, ahead: float) -> None:
-    """Claims of the text about the cells' results; the surrogate is `ahead` of the closest stored pictures, dB."""
+def check_results(notebook: Any) -> None:
+    """Claims of the text about the cells' results."""
     scores = {
         member: (float(ours), float(theirs)) for member, ours, _, theirs in MEMBER.findall(printed(notebook, "score"))
     }
     assert len(scores) == 2
     for ours, theirs in scores.values():
         assert ours > 36.0
-        assert ours > theirs + ahead, "the surrogate must beat the closest stored picture"
+        assert ours > theirs + 1.0, "the surrogate must beat the closest stored picture"
     isosurface = re.search(r"isovalue 3\.5 ([\d.]+) dB", printed(notebook, "isovalues"))
     assert isosurface is not None
     assert float(isosurface[1]) > 23.0
@@ -84,7 +84,7 @@ def test_what_is_stored_is_whole_and_small_and_says_nothing_of_a_machine() -> No
     assert [cell.execution_count for cell in code] == list(range(1, len(code) + 1))
     assert [cell.id for cell in code if LIVE in cell.metadata.get("tags", ())] == ["show"]
     assert cell(notebook, "show").outputs == []
-    check_results(notebook, ahead=1.0)
+    check_results(notebook)
 
 
 @pytest.mark.slow
@@ -97,7 +97,7 @@ def test_it_still_runs_and_holds_what_it_says(tmp_path: Path) -> None:
             for said, enough in SMALLER.items():
                 code.source = code.source.replace(said, enough)
     executed(notebook, tmp_path)  # raises where a cell fails
-    check_results(notebook, ahead=0.3)
+    check_results(notebook)
     shown = cell(notebook, "show").outputs[0].data
     if all(importlib.util.find_spec(name) for name in EXPLORER):
         assert "<iframe" in shown["text/html"]
